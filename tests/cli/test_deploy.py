@@ -152,7 +152,7 @@ def test_a_run_of_which_a_process_is_killed_leaves_a_log_and_no_orphan(victim: s
         (["--robot", "unitree-go:lo"], "maker's order"),
         (["--robot", "ros2"], "namespace"),
         (["--robot", "ros2:/x"], "rclpy"),
-        (["--robot-seed", "-1"], "the seed is -1"),
+        (["--robot-seed", "-1"], "seed: got -1"),
         (["--realtime", "200"], "a real-time priority of 200"),
         (["--fault", "tlit@1"], "did you mean 'tilt'"),
         (["--command", "vx=3"], "trained"),
@@ -225,7 +225,7 @@ def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, ca
     """If this failed, a folder of another kind would be told to lack card.md, and an empty run would be left behind."""
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
-    assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
+    assert "is not a policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
 
 
 def test_a_report_is_not_written_over_unasked(

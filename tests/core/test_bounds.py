@@ -57,7 +57,7 @@ def test_threads_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [
         (("num_envs",), HUGE, "num_envs is a huge integer; expected a number"),
         (("teacher", "learning_rate"), HUGE, "learning_rate is a huge integer; expected a finite number"),
@@ -68,7 +68,7 @@ def test_threads_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
         (("other",), 3, "TrainCfg has no field 'other'"),
     ],
 )
-def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object, said: str) -> None:
+def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object, message: str) -> None:
     """A file of somebody else's would fail far from here, with a traceback."""
     import json
 
@@ -78,7 +78,7 @@ def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object
     for key in path[:-1]:
         inner = inner[key]
     inner[path[-1]] = value
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         from_plain(TrainCfg, plain)
 
 
@@ -92,7 +92,7 @@ def test_memory_is_that_of_machine_container_and_limit(tmp_path: Path, monkeypat
     (tmp_path / "memory.current").write_text("500000000\n")
     assert free_memory() == 1_500_000_000
     check_memory(1.4e9, "this", "ask for less")
-    with pytest.raises(StictionError, match=r"this takes some 1\.6 GB of memory and 1\.5 GB are free; ask for less"):
+    with pytest.raises(StictionError, match=r"this needs about 1\.6 GB of memory, 1\.5 GB are free; ask for less"):
         check_memory(1.6e9, "this", "ask for less")
 
 

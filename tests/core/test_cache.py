@@ -56,7 +56,7 @@ def test_every_field_is_in_the_key_and_the_order_of_a_mapping_is_not() -> None:
 
 @pytest.mark.parametrize("change", [{"code": "other", "packages": {}}, {"code": "", "packages": {"sapien": "4"}}])
 def test_other_code_or_packages_make_it_anew(change: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What another engine measured would go by the new one's name."""
+    """Makes an entry anew where the code, the engine or packages differ."""
     monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "", "packages": {}})
     assert made(tmp_path, 1.0) == made(tmp_path, 2.0) == {"value": 1.0}
     monkeypatch.setattr(cache, "fingerprint", lambda *code: change)
@@ -87,7 +87,7 @@ def interrupted() -> Iterator[None]:
 
 
 def test_a_file_is_published_whole_or_not_at_all(tmp_path: Path) -> None:
-    """What was there before stays until the new one is whole, and nothing lies beside it afterwards."""
+    """Keeps the old content until the new one is complete, and leaves no other file."""
     file = tmp_path / "deep" / "a.csv"
     with publish(file) as partial:
         partial.write_text("old")

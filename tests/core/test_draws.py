@@ -1,4 +1,4 @@
-"""Whether randomised values act, and friction holds, on arrays that were worked out by hand."""
+"""Randomised values that act, and friction that holds, on arrays worked out by hand."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_views_that_are_overwritten_are_copied() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ranges", "read", "resets", "said"),
+    ("ranges", "read", "resets", "message"),
     [
         ({"mas": (0, 1)}, {"mass": np.zeros((2, 1))}, 2, r"unknown value 'mas'; did you mean 'mass'"),
         ({"mass": (1, 0)}, {"mass": np.zeros((2, 1))}, 2, r"got \(1, 0\) for 'mass', expected \(lowest, highest\)"),
@@ -91,9 +91,9 @@ def test_views_that_are_overwritten_are_copied() -> None:
         ({"mass": (0, 1)}, {"mass": np.zeros((2, 1))}, 0, r"got 0 resets, expected 1 or more"),
     ],
 )
-def test_what_cannot_be_judged_is_refused(ranges: dict, read: dict, resets: int, said: str) -> None:
+def test_what_cannot_be_judged_is_refused(ranges: dict, read: dict, resets: int, message: str) -> None:
     """In a line that names it."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         check_draws(lambda: None, lambda: read, ranges, resets=resets)
 
 
@@ -135,7 +135,7 @@ def test_a_position_that_is_no_number_does_not_hold() -> None:
 
 
 @pytest.mark.parametrize(
-    ("friction", "steps", "said"),
+    ("friction", "steps", "message"),
     [
         ({"a": 1.0}, 1, r"got positions of shape \(2, 2\), expected \(worlds, 1\)"),
         (
@@ -148,7 +148,7 @@ def test_a_position_that_is_no_number_does_not_hold() -> None:
         ({"a": 1.0, "b": 1.0}, 0, r"got 0 steps, expected 1 or more"),
     ],
 )
-def test_a_hold_that_cannot_be_measured_is_refused(friction: dict, steps: int, said: str) -> None:
+def test_a_hold_that_cannot_be_measured_is_refused(friction: dict, steps: int, message: str) -> None:
     """In a line that names it."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         check_hold(lambda torque: None, lambda: np.zeros((2, 2)), friction, steps=steps)

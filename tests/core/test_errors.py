@@ -43,7 +43,7 @@ def test_a_message_is_one_printable_line(message: str, shown: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "said"),
+    ("name", "known", "suggestion"),
     [
         ("shnk", ("hip", "thigh", "shank"), "unknown joint 'shnk'; did you mean 'shank'? known: hip, thigh, shank"),
         ("x", ("hip", "thigh"), "unknown joint 'x'; known: hip, thigh"),
@@ -51,10 +51,10 @@ def test_a_message_is_one_printable_line(message: str, shown: str) -> None:
         ("x", tuple("abcdefghijklmnopqrstuvwyz"), "known: a, b, c"),
     ],
 )
-def test_the_nearest_name_is_named(name: str, known: tuple[str, ...], said: str) -> None:
-    """Of 18 joints nobody should have to find the one that was meant; nothing is guessed where nothing is near."""
+def test_the_nearest_name_is_named(name: str, known: tuple[str, ...], suggestion: str) -> None:
+    """Names the nearest of 18 joints, and none where none is near."""
     message = unknown_name("joint", name, known)
-    assert said in message
+    assert suggestion in message
     assert message.endswith(" and 1 more") == (len(known) == 25)
 
 
@@ -75,7 +75,7 @@ def test_the_nearest_name_is_named(name: str, known: tuple[str, ...], said: str)
 def test_a_mistake_at_the_command_line_is_of_its_kind(
     words: str, kind: type[StictionError], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Who calls a verb from Python tells a robot that is unknown from a disk that is full by the class alone."""
+    """Distinguishes an unknown robot from a full disk by the class of the error."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "damaged").mkdir()
     verb, *rest = shlex.split(words.format(policy=POLICY))
@@ -109,10 +109,10 @@ def test_what_was_given_twice_is_refused_however_it_was_typed() -> None:
     """Work that is done twice would count twice."""
     check_once("levels", ("0.1", "0.2"))
     check_once("ways", (), least=0)
-    for given, options in ((("0.1", "0.1"), {}), ((), {}), (("0.1", "0.10"), {"same": float})):
+    for values, options in ((("0.1", "0.1"), {}), ((), {}), (("0.1", "0.10"), {"same": float})):
         with pytest.raises(ConfigurationError, match="expected at least one, each once"):
-            check_once("levels", given, **options)
-    with pytest.raises(ConfigurationError, match="ways 3 3: expected each once"):
+            check_once("levels", values, **options)
+    with pytest.raises(ConfigurationError, match="ways: got 3 3, expected each once"):
         check_once("ways", (3, 3), least=0)
 
 

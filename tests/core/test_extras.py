@@ -1,4 +1,4 @@
-"""What is said of a part that is not installed: all of it, before any work, and a command that leads to it."""
+"""Messages for a part that is not installed: complete, before any work, with the command to install it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stiction.cli.main import NEEDS, main
 from stiction.cli.process import explained
 from stiction.core import extras
 from stiction.core.errors import StictionError
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.robots.catalog import find_robot
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -138,19 +138,19 @@ def test_what_an_older_simulator_lacks_is_no_fault_of_stiction(
     """A module of MuJoCo 4, an engine, and an error that nobody foresaw."""
     assert extras.outdated("train") is None and extras.outdated("logs") is None
     _beside_mjlab(monkeypatch)
-    said = "MuJoCo 3.11 is installed; 4.0 is needed: mjlab pins older ones"
+    message = "MuJoCo 3.11 is installed; 4.0 is needed: mjlab pins older ones"
     lacking = ModuleNotFoundError("No module named 'mujoco.batch'", name="mujoco.batch")
-    assert str(extras.missing_extra(lacking, "this verb")).startswith(said)
+    assert str(extras.missing_extra(lacking, "this verb")).startswith(message)
     missing = ModuleNotFoundError("No module named 'onnxscript'", name="onnxscript")
     lacks = str(extras.missing_extra(missing, "this verb"))
-    assert f"'onnxscript' is not installed; this verb needs the extra 'train'; {said}" in lacks and "second" in lacks
+    assert f"'onnxscript' is not installed; this verb needs the extra 'train'; {message}" in lacks and "second" in lacks
     rows = json.loads(_printed(capsys, "list", "engines", "--json"))["engines"]
-    assert len(rows) >= 4 and all(row["install"].startswith(said) and not row["here"] for row in rows)
+    assert len(rows) >= 4 and all(row["install"].startswith(message) and not row["here"] for row in rows)
     missing = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
     assert "the package 'mujoco' is not installed" in str(extras.missing_extra(missing, "this verb"))
-    assert said in str(what_is_missing("mujoco", find_robot("go1")))
+    assert message in str(missing_engine("mujoco", find_robot("go1")))
     monkeypatch.setitem(sys.modules, "mujoco", sys)
     monkeypatch.delitem(sys.modules, "mjlab", raising=False)
-    assert explained(AttributeError("no attribute 'x'"), "robot").startswith(said)
+    assert explained(AttributeError("no attribute 'x'"), "robot").startswith(message)
     monkeypatch.setitem(sys.modules, "mjlab", sys)
     assert explained(AttributeError("no attribute 'x'"), "doctor").startswith("unforeseen AttributeError")

@@ -110,6 +110,6 @@ def test_a_file_takes_no_folders_place(tmp_path: Path) -> None:
     kept = tmp_path / "folder" / "kept"
     kept.parent.mkdir()
     kept.write_text("of years")
-    with pytest.raises(UnwrittenError, match="folder cannot be written: it is a folder, and a file was to be written"):
+    with pytest.raises(UnwrittenError, match="folder cannot be written: is a folder; expected a file"):
         write_text(kept.parent, "new")
     assert kept.read_text() == "of years" and [*tmp_path.iterdir()] == [kept.parent]

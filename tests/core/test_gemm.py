@@ -124,7 +124,7 @@ print(json.dumps({"path": gemm_path(), "losses": losses, "answer": answer and an
 
 
 def probe(**environment: str) -> dict:
-    """What a process of its own trains and says."""
+    """Return the results of a training in a separate process."""
     source = str(Path(gemm.__file__).parents[2])
     known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": source} | environment
     done = subprocess.run(
@@ -139,7 +139,7 @@ def test_losses_agree_with_and_without_and_the_switch_switches() -> None:
     off, on = probe(**{gemm.VARIABLE: ""}), probe(**{gemm.VARIABLE: "1"})
     assert off["path"] == f"default ({gemm.processor_obstacle() or 'STICTION_FAST_GEMM is not 1'})"
     assert off["answer"] is None
-    assert all(found["workers"] == [found["path"]] * 2 for found in (off, on))
+    assert all(outcome["workers"] == [outcome["path"]] * 2 for outcome in (off, on))
     assert on["losses"] == pytest.approx(off["losses"], rel=1e-5)
     assert on["losses"][-1] < on["losses"][0]
     if (why := gemm.processor_obstacle()) is not None:

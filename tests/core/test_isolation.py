@@ -48,7 +48,7 @@ def environment() -> dict[str, str]:
 
 
 def test_the_trap_works(trap: Path) -> None:
-    """If this failed, the tests below would pass with nothing protected."""
+    """Runs the trap without isolation; otherwise the tests below would prove nothing."""
     subprocess.run([sys.executable, "-c", "import json"], env=environment(), check=False)
     assert trap.read_text() == "json "
 
@@ -72,7 +72,7 @@ def test_workers_start_without_the_working_folder(trap: Path, tmp_path: Path) ->
 
 
 def test_there_is_no_other_way_to_start_a_process() -> None:
-    """If this failed, a process would start that looks into the working folder first."""
+    """Starts every process through the functions that leave the working folder out."""
     for path in PACKAGE.rglob("*.py"):
         text, name = path.read_text(), path.relative_to(PACKAGE).as_posix()
         used = {ast.unparse(node) for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Attribute | ast.Name)}

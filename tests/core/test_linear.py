@@ -25,7 +25,7 @@ def test_an_empty_column_costs_the_others_nothing() -> None:
 
 
 def test_two_alike_columns_are_both_open() -> None:
-    """Of two columns that are one the sum is known and neither part; a third one, orthogonal, stays told."""
+    """Leaves two equal columns open, whose sum alone is determined, and determines a third, orthogonal one."""
     columns = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
     inverse, told = invert(columns.T @ columns)
     assert told.tolist() == [False, False, True] and inverse[2, 2] == pytest.approx(1 / 9)

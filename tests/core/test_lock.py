@@ -59,8 +59,8 @@ def test_the_second_writer_is_told_who_the_first_is(tmp_path: Path) -> None:
         with pytest.raises(FileError, match=holder) as told, output_folder(tmp_path / "deep" / "run"):
             pass
         assert "choose another --out" in str(told.value)
-        said = python(TRY, str(tmp_path / "deep" / "run"), "50").communicate()[0]
-        assert said.startswith("50 ")
+        output = python(TRY, str(tmp_path / "deep" / "run"), "50").communicate()[0]
+        assert output.startswith("50 ")
 
 
 def test_a_killed_writer_holds_nothing(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.flags import ARGUMENT, FIXED, FLAG, FLAT, SETTING, flag
-from stiction.core.options import read_given, read_options
+from stiction.core.options import read_options, read_parsed
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Verb:
     """Options of a verb."""
 
     log: Annotated[Path, ARGUMENT]
-    """What is read."""
+    """Log to read."""
     config: Annotated[Config, FLAT] = field(default_factory=Config)
     """All of it."""
     preset: Literal["full", "quick"] = "full"
@@ -92,8 +92,8 @@ def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
 )
 def test_a_setting_is_given_by_its_path(words: list[str], teacher: Teacher) -> None:
     """Reads the value as YAML, and as the type of the field; a field with a flag is a setting too."""
-    found = read(*words).config.teacher
-    assert found == teacher and isinstance(found.gamma, float)
+    group = read(*words).config.teacher
+    assert group == teacher and isinstance(group.gamma, float)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,10 @@ def test_a_setting_is_given_by_its_path(words: list[str], teacher: Teacher) -> N
     [
         (["--set", "teacher.gama=0.9"], "--set teacher.gama: unknown setting; did you mean 'teacher.gamma'?"),
         (["--set", "gamma=0.9"], "--set gamma: unknown setting; did you mean 'teacher.gamma'?"),
-        (["--set", "teacher=3"], "--set teacher: a group of settings; expected one of teacher.gamma, teacher.layers"),
+        (
+            ["--set", "teacher=3"],
+            "--set teacher: a group of settings; expected one of teacher.gamma, teacher.layers",
+        ),
         (["--set"], "--set: a value is missing; expected PATH=VALUE; `--set help` lists the settings"),
         (["--set", "teacher.gamma=much"], "--set teacher.gamma is much; expected a finite number"),
         (["--set", "teacher.gamma=.nan"], "--set teacher.gamma is nan; expected a finite number"),
@@ -109,10 +112,10 @@ def test_a_setting_is_given_by_its_path(words: list[str], teacher: Teacher) -> N
         (["--set", "teacher.layers=8"], "--set teacher.layers is 8; expected a list"),
         (["--set", "teacher.iterations=2.5"], "--set teacher.iterations is '2.5'; expected a whole number"),
         (["--set", "teacher.kind=huge"], "--set teacher.kind is 'huge'; expected small, large"),
-        (["--set", "teacher.gamma=1", "--set", "teacher.gamma=1"], "--set teacher.gamma is given twice; say it once"),
+        (["--set", "teacher.gamma=1", "--set", "teacher.gamma=1"], "--set teacher.gamma is given twice; give it once"),
         (
             ["--set", "teacher.method=none", "--method", "none"],
-            "--set teacher.method and --method are one option, given twice; say it once",
+            "--set teacher.method and --method are one option, given twice; give it once",
         ),
         (["--teacher.gamma", "0.9"], "unknown option --teacher.gamma; did you mean '--set teacher.gamma=VALUE'?"),
         (["--teacher.method", "none"], "unknown option --teacher.method; did you mean '--method'?"),
@@ -142,7 +145,7 @@ def test_a_file_gives_settings_that_words_override(tmp_path: Path) -> None:
         ("teacher: {gamma: many}", "a.yaml: teacher.gamma is many; expected a finite number"),
         ("teacher: 3", "a.yaml: teacher is 3; expected settings with values"),
         ("- 3", "a.yaml: the file is [3]; expected settings with values"),
-        ("seed: 1\nseed: 2", "stands twice"),
+        ("seed: 1\nseed: 2", "is given twice"),
         ("teacher: {gamma: 1}\nteacher.gamma: 1", "a.yaml: teacher.gamma is given twice"),
         ("a: &b 1\nseed: *b", "an alias (*name) is not read"),
     ],
@@ -181,12 +184,12 @@ def test_the_list_of_settings_has_defaults_flags_and_meanings(
 def test_defaults_follow_from_what_is_given() -> None:
     """Hands all that is given, by its key, to the function that chooses defaults."""
 
-    def default(given: dict[str, object]) -> Verb:
-        return Verb(Path(), Config(seed=len(given)), "quick")
+    def default(parsed: dict[str, object]) -> Verb:
+        return Verb(Path(), Config(seed=len(parsed)), "quick")
 
     words = ["a.log", "--set", "teacher.gamma=0.5", "--preset", "full"]
-    options, base, given = read_given(Verb, words, "stiction verb", "", default)
+    options, base, parsed = read_parsed(Verb, words, "stiction verb", "", default)
     assert options == Verb(Path("a.log"), Config(Teacher(0.5), seed=3), "full") and base == default(
         dict.fromkeys("abc")
     )
-    assert given.typed["config.teacher.gamma"] == "--set teacher.gamma" and given.typed["preset"] == "--preset"
+    assert parsed.typed["config.teacher.gamma"] == "--set teacher.gamma" and parsed.typed["preset"] == "--preset"

@@ -17,7 +17,7 @@ class Walk:
     """Options of a walk."""
 
     robot: Annotated[str, ARGUMENT]
-    """Who walks."""
+    """Robot that walks."""
     gait: Literal["tripod", "ripple"] | None = None
     """How. More of it in the second sentence."""
     seconds: float = 2.0
@@ -31,7 +31,7 @@ class Walk:
     reach: tuple[float, float] | None = None
     """From hip to hip [m]."""
     weights: tuple[tuple[str, float], ...] = ()
-    """What for, and how much."""
+    """Purposes and their weights."""
     load: Annotated[float | None, flag("--on.back")] = None
     """On its back [kg]."""
 
@@ -55,7 +55,7 @@ def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
 
 
 def test_words_become_options() -> None:
-    """If this failed, no verb would do what it was asked for."""
+    """Converts words to options."""
     assert read_options(Walk, ["go2", "--steps", "4", "--no-log"], "x", TEXT) == Walk("go2", steps=4, log=False)
     assert read_options(Walk, ["go2"], "x", TEXT, Walk("", seconds=9.0)).seconds == 9.0
     words = ["--pace", "-1e-3", "0.5", "go2", "--weights", "a", "1", "b", "-2", "--on.back", "None"]
@@ -72,27 +72,27 @@ def test_words_become_options() -> None:
         (("go2", "--on.back", "much"), ("--on.back", "'much'", "expected a number")),
         (("go2", "--pace", "0.3"), ("--pace '0.3': expected two numbers, such as 0.1 0.5",)),
         (("go2", "--weights", "speed"), ("--weights 'speed': expected a word and a number",)),
-        (("go2", "--steps", "3", "--steps", "4"), ("--steps is given twice; say it once",)),
+        (("go2", "--steps", "3", "--steps", "4"), ("--steps is given twice; give it once",)),
         (("go2", "--load", "3"), ("unknown option --load; did you mean '--on.back'?",)),
         (("go2", "--log=yes"), ("--log takes no value; --no-log is its opposite",)),
         (("go2", "--log", "--no-log"), ("--log and --no-log are one option, given twice",)),
         (("go2", "--seconds"), ("--seconds", "a value is missing")),
-        (("go2", "go1"), ("go1", "a word that no option takes")),
-        ((), ("ROBOT is missing", "Who walks")),
+        (("go2", "go1"), ("go1", "unexpected argument")),
+        ((), ("ROBOT is missing", "Robot that walks")),
         (("go2", "--\x1b[31m"), ("unknown option --\\u001b",)),
     ],
 )
 def test_wrong_words_are_one_line_with_status_2(
     capsys: pytest.CaptureFixture, words: tuple[str, ...], parts: tuple[str, ...]
 ) -> None:
-    """If this failed, a typing mistake would end in a box of eight lines, or in no hint of what was meant."""
+    """Reports a typing mistake in one line with a suggestion."""
     text = said(capsys, *words)
     assert text.startswith("stiction walk: ") and text.count("\n") == 1 and "`stiction walk --help`" in text
     assert all(part in text for part in parts), text
 
 
 def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.CaptureFixture) -> None:
-    """If this failed, the options that people use would be lost among all."""
+    """Shows the common options first, and all on request."""
     brief, whole = said(capsys, "--help", status=0), said(capsys, "go2", "--help-all", status=0)
     assert "--seconds FLOAT" in brief and "--gait" not in brief and "7 more options: stiction walk --help-all" in brief
     assert "  stiction walk hexapod\n" in brief and "third paragraph" not in brief
@@ -122,7 +122,7 @@ class Ways:
     more: tuple[Path, ...] = ()
     """And others."""
     note: str = ""
-    """What is said of it."""
+    """Remark."""
     dry: bool = False
     """Nothing is written."""
 

@@ -1,4 +1,4 @@
-"""Which code a command ran, from its beginning to its end."""
+"""Code that a command ran, from its begin to its end."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def test_code_that_changes_under_a_command_is_said(tmp_path: Path, monkeypatch: 
     assert began.warnings() == []
     (tmp_path / "walk.py").write_text("speed = 2\n")
     (warning,) = began.warnings()
-    assert "it began with revision old, and new was there at its end" in warning
+    assert "from revision old to new" in warning
 
 
 def test_code_is_known_by_names_and_content_and_by_nothing_else(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_what_a_task_raises_comes_back() -> None:
     """As the error that it is, and a process that was killed as one line."""
     with pytest.raises(StictionError, match="-1 is negative"):
         list(spread(square, [(-1,), (2,)], 2))
-    with pytest.raises(StictionError, match="a process at work was killed"):
+    with pytest.raises(StictionError, match="a worker process was killed"):
         list(spread(killed, [(), ()], 2))
 
 

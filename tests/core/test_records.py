@@ -35,7 +35,7 @@ ROW = Joint("FL|hip", 3, 0.4512, 0.205, True, 0.002)
 
 
 def test_fields_say_how_people_read_them() -> None:
-    """If this failed, a page would have to list its columns by hand again."""
+    """Describes columns at the fields, not on every page."""
     assert header(Joint) == header(ROW) == ("joint", "friction [N m]", "of the limit", "holds", "step")
     assert texts(ROW) == ("FL|hip", "0.5", "20%", "yes", "2 ms")
     assert texts(Joint("a", 0, None, 0.0, False, 0.01)) == ("a", "–", "0%", "no", "10 ms")
@@ -43,7 +43,7 @@ def test_fields_say_how_people_read_them() -> None:
 
 
 def test_a_file_has_every_field_with_its_digits(tmp_path: Path) -> None:
-    """What people read in a table is rounded; the file is what the table was made of."""
+    """Rounds the table for readers, and writes all digits to the file."""
     write_rows(tmp_path / "a.csv", [ROW])
     assert (tmp_path / "a.csv").read_text().splitlines() == [
         "name,seed,friction,share,holds,step",
@@ -64,7 +64,7 @@ class Renamed:
 
 
 def test_a_file_of_before_is_read_by_the_names_it_had(tmp_path: Path) -> None:
-    """If this failed, results of hours could not be judged again after a field got a better name."""
+    """Reads the older names of renamed fields."""
     (tmp_path / "rows.csv").write_text("name,way\nhip,0.5\n")
     assert read_rows(tmp_path / "rows.csv", Renamed) == [Renamed("hip", 0.5)]
     write_rows(tmp_path / "rows.csv", [Renamed("hip", 0.5)])

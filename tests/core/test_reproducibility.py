@@ -17,7 +17,7 @@ from stiction.core.errors import StictionError
 
 
 def test_a_stream_depends_on_the_seed_and_its_own_name_alone() -> None:
-    """If this failed, adding a random quantity to a task would change every other one, and old results with it."""
+    """Draws a stream from the seed and its name only, whatever other streams exist."""
     alone = reproducibility.seed_streams(3, ["noise"])["noise"].random(5)
     among = reproducibility.seed_streams(3, ["commands", "noise", "pushes"])["noise"].random(5)
     other_seed = reproducibility.seed_streams(4, ["noise"])["noise"].random(5)
@@ -26,9 +26,8 @@ def test_a_stream_depends_on_the_seed_and_its_own_name_alone() -> None:
 
 
 def test_a_stream_is_the_same_in_every_release() -> None:
-    """If this failed, a published seed would no longer give the published run.
-
-    `printf noise | sha256sum` gives efe2a5c09e6d49d7..., which is the key: eight little-endian 32-bit words.
+    """Draws the same numbers in every release. `printf noise | sha256sum` gives efe2a5c09e6d49d7..., which is the key:
+    eight little-endian 32-bit words.
     """
     key = (0xC0A5E2EF, 0xD7496D9E, 0x985C73EB, 0x0474F775, 0x7B885BBE, 0x7863F5B3, 0xD4688903, 0x9881FFE3)
     expected = np.random.Generator(np.random.PCG64(np.random.SeedSequence(3, spawn_key=key))).random(4)
@@ -36,15 +35,15 @@ def test_a_stream_is_the_same_in_every_release() -> None:
 
 
 def test_wrong_seeds_and_names_are_refused() -> None:
-    """If this failed, a name used twice would draw the same numbers for two quantities without a word."""
-    with pytest.raises(StictionError, match="named twice: a; give each its own name"):
+    """Rejects invalid seeds, and a name used twice, which would draw the same numbers for two quantities."""
+    with pytest.raises(StictionError, match="with one name: a; give each a different name"):
         reproducibility.seed_streams(0, ["a", "b", "a"])
-    with pytest.raises(StictionError, match="the seed is -1"):
+    with pytest.raises(StictionError, match="seed: got -1"):
         reproducibility.seed_streams(-1, ["a"])
 
 
 def test_number_of_threads_follows_the_variable_and_else_the_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, a run confined to some cores would start more workers than it has cores."""
+    """Starts no more workers than the cores that the run may use, or than the variable says."""
     monkeypatch.setenv("STICTION_THREADS", " 3 ")
     assert reproducibility.num_threads() == 3
     monkeypatch.delenv("STICTION_THREADS")
@@ -56,7 +55,7 @@ def test_number_of_threads_follows_the_variable_and_else_the_affinity(monkeypatc
 
 
 def test_library_pools_get_one_thread_unless_the_user_says_otherwise() -> None:
-    """If this failed, each worker would start a linear-algebra pool of its own, or the user's setting would be lost."""
+    """Gives library pools one thread each, unless the user sets another number."""
     code = (
         "import sys; from stiction.core.provenance import limit_library_threads as limit; limit(); import os; "
         "print('numpy' in sys.modules, os.environ['OMP_NUM_THREADS'], os.environ['OPENBLAS_NUM_THREADS'])"
@@ -94,7 +93,7 @@ def _git(folder: Path, *arguments: str) -> str:
 def test_revision_names_the_commit_and_whether_the_code_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this failed, a result made with uncommitted code would claim to come from the commit."""
+    """Names the commit, and marks uncommitted code."""
     module = _checkout(tmp_path)
     monkeypatch.setattr(reproducibility, "__file__", str(module))
     monkeypatch.setattr(reproducibility, "PACKAGE", module.parents[1])
@@ -110,7 +109,7 @@ def test_revision_names_the_commit_and_whether_the_code_differs(
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed, so there is no repository to confuse")
 def test_revision_of_an_installed_package_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, a package inside the user's own repository would report the user's commit."""
+    """Reports no revision for a package inside the user's own repository."""
     _checkout(tmp_path)
     installed = tmp_path / "env/stiction/formats/reproducibility.py"
     installed.parent.mkdir(parents=True)
@@ -121,11 +120,11 @@ def test_revision_of_an_installed_package_is_unknown(tmp_path: Path, monkeypatch
 
 
 def test_machine_names_processor_threads_and_versions(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, a benchmark's numbers could not be compared with anybody else's."""
+    """Records what a benchmark's numbers need for a comparison."""
     monkeypatch.setenv("STICTION_THREADS", "2")
-    found = reproducibility.machine()
-    assert found["threads"] == 2
-    assert found["python"] == ".".join(str(part) for part in sys.version_info[:3])
-    assert found["packages"]["numpy"] == np.__version__
-    assert found["packages"]["stiction"] == __version__
-    assert "pytest" not in found["packages"]
+    record = reproducibility.machine()
+    assert record["threads"] == 2
+    assert record["python"] == ".".join(str(part) for part in sys.version_info[:3])
+    assert record["packages"]["numpy"] == np.__version__
+    assert record["packages"]["stiction"] == __version__
+    assert "pytest" not in record["packages"]

@@ -39,7 +39,7 @@ def test_the_angle_between_orientations_knows_no_sign_of_a_quaternion() -> None:
 
 
 def test_the_heading_is_the_yaw() -> None:
-    """If this failed, a pilot would correct a heading that the robot does not have: 30° about z, then 10° about y."""
+    """Equals the yaw of a rotation of 30° about z, then 10° about y."""
     turn, pitch = np.radians(30), np.radians(10)
     cy, sy, cp, sp = np.cos(turn / 2), np.sin(turn / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     assert yaw(np.array([cy * cp, -sy * sp, cy * sp, sy * cp])) == pytest.approx(turn)

@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.engines.batch import EngineBatch
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.learning.arguments import parse
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
@@ -97,7 +97,7 @@ def test_a_field_without_effect_is_refused() -> None:
 @pytest.mark.parametrize("engine", ["physx", "ode", "ode-webots"])
 def test_other_engines_hold_the_robot_up(engine: str) -> None:
     """It stands still under its own weight, on all feet, and its joints are held by friction."""
-    if why := what_is_missing(engine, SPEC):
+    if why := missing_engine(engine, SPEC):
         pytest.skip(why)
     fleet = Fleet(SPEC, 2, backend=partial(EngineBatch, engine, SPEC))
     fleet.friction[:] = 5.0

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.engines.catalog import make_engine, what_is_missing
+from stiction.engines.catalog import make_engine, missing_engine
 from stiction.engines.engine import Body
 from stiction.engines.ground import flat
 from stiction.robots.catalog import find_robot
@@ -18,7 +18,7 @@ def test_mujoco_is_made_as_asked() -> None:
     body = Body.nominal(find_robot("go1"))
     engine = make_engine("mujoco", body, flat(), 0.001)
     assert (engine.name, engine.timestep) == ("mujoco", 0.001)
-    assert engine.body is body and what_is_missing("mujoco", body.spec) is None
+    assert engine.body is body and missing_engine("mujoco", body.spec) is None
 
 
 @pytest.mark.parametrize(("name", "timestep", "message"), [("bullet", 0.002, "known: mujoco"), ("mujoco", 0.1, "0.02")])
@@ -31,5 +31,5 @@ def test_what_cannot_be_made_is_refused(name: str, timestep: float, message: str
 def test_a_missing_package_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A traceback would not tell what to install."""
     monkeypatch.setitem(sys.modules, "sapien", None)
-    missing = what_is_missing("physx", find_robot("go1"))
+    missing = missing_engine("physx", find_robot("go1"))
     assert missing is not None and "the package sapien" in missing and "[engines]" in missing

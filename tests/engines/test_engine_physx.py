@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stiction.core.rotation import matrix
-from stiction.engines.catalog import make_engine, what_is_missing
+from stiction.engines.catalog import make_engine, missing_engine
 from stiction.engines.engine import Body
 from stiction.engines.ground import course
 from stiction.robots.catalog import find_robot
@@ -17,7 +17,7 @@ from stiction_experiments.engines.conformance.rig import record, still
 
 SPEC = find_robot("saturn_lite")
 
-_missing = what_is_missing("physx", SPEC)
+_missing = missing_engine("physx", SPEC)
 pytestmark = pytest.mark.skipif(_missing is not None, reason=_missing or "")
 
 

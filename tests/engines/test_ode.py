@@ -12,7 +12,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.engines.engine import BlownUp, Body, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.engines.ode.engine import ACCURATE, WEBOTS, OdeEngine, OdeSettings
@@ -26,7 +26,7 @@ STANDING = SPEC.joint_values("default_position")
 PLACE = np.array([0.0, 0.0, SPEC.standing_height])
 NOTHING = np.zeros(SPEC.num_joints)
 
-_missing = what_is_missing("ode", SPEC)
+_missing = missing_engine("ode", SPEC)
 pytestmark = pytest.mark.skipif(_missing is not None, reason=_missing or "")
 
 

@@ -67,4 +67,4 @@ def test_the_last_words_are_heard(library: ctypes.CDLL) -> None:
     """ODE ends the process after a failed assertion: that must not look like a crash without a reason."""
     code = "import ctypes, stiction.engines.ode.library as o; o.ode_library().dDebug(2, b'no body, %s', b'no')"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    assert ended.returncode != 0 and "ODE gave up and ends this process: no body, no" in ended.stderr
+    assert ended.returncode != 0 and "ODE failed and ends this process: no body, no" in ended.stderr

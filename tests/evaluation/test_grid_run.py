@@ -101,10 +101,10 @@ def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monk
 
 def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_path: Path) -> None:
     """An engine that is missing must not end a grid after an hour."""
-    from stiction.engines.catalog import what_is_missing
+    from stiction.engines.catalog import missing_engine
     from stiction.files.contract import robot_of
 
-    if not what_is_missing("ode", robot_of(still.contract)):
+    if not missing_engine("ode", robot_of(still.contract)):
         pytest.skip("ODE is installed here")
     with pytest.raises(StictionError, match=r"stiction\[engines\]"):
         walk_grid([still], replace(GRID, engines=("mujoco", "ode")), tmp_path)

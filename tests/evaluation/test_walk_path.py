@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.robots.catalog import find_robot
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -55,7 +55,7 @@ print(json.dumps({"rows": len(rows), "visited": sorted(visited), "imported": len
 @pytest.mark.parametrize("engine", MOST)
 def test_a_row_goes_through_few_modules(engine: str) -> None:
     """Whoever follows a number from the plan to its row reads no more files than these."""
-    if engine.startswith("physx") and (missing := what_is_missing("physx", find_robot("saturn_lite"))):
+    if engine.startswith("physx") and (missing := missing_engine("physx", find_robot("saturn_lite"))):
         pytest.skip(missing)
     done = subprocess.run([sys.executable, "-c", PROGRAM, engine], capture_output=True, text=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])

@@ -58,12 +58,12 @@ def test_a_motor_of_ours_becomes_a_file_of_bam() -> None:
     assert (plain["friction_base"], plain["friction_viscous"]) == (0.4, 0.07)
     law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.4).to_dict()}}
     record = motor(static_friction=number(0.6), stribeck_velocity=number(0.1), friction_law=law)
-    found = bam_of_record("hip", record)
-    assert found["model"] == "m2" and found["friction_stribeck"] == pytest.approx(0.2) and found["alpha"] == 2.0
+    data = bam_of_record("hip", record)
+    assert data["model"] == "m2" and data["friction_stribeck"] == pytest.approx(0.2) and data["alpha"] == 2.0
 
 
 @pytest.mark.parametrize(
-    ("record", "said"),
+    ("record", "message"),
     [
         (motor(test_condition="in_air"), "got no rotor inertia"),
         (motor(viscous_friction=None), "got no viscous friction"),
@@ -71,14 +71,14 @@ def test_a_motor_of_ours_becomes_a_file_of_bam() -> None:
         (motor(friction_law={"law": "asymmetric"}), "got the law 'asymmetric'"),
     ],
 )
-def test_what_bam_cannot_hold_is_refused(record, said: str) -> None:
+def test_what_bam_cannot_hold_is_refused(record, message: str) -> None:
     """It would take a default of its own in its place."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         bam_of_record("hip", record)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"model": "m6"}, "got BAM's model 'm6', which has a load coefficient for each direction"),
         ({"model": "m9"}, "got BAM's model 'm9', expected one of m1, m2, m3, m4"),
@@ -89,9 +89,9 @@ def test_what_bam_cannot_hold_is_refused(record, said: str) -> None:
         ({"actuator": 3}, "got actuator 3"),
     ],
 )
-def test_a_file_that_does_not_fit_is_refused(changes: dict, said: str) -> None:
+def test_a_file_that_does_not_fit_is_refused(changes: dict, message: str) -> None:
     """One sentence that names the field."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         record_of_bam(servo("m4") | changes, "m.json")
 
 
@@ -121,7 +121,7 @@ def test_servos_become_one_file_and_files_again(
 def test_identify_says_what_makes_a_joints_json_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, more: list[str]
 ) -> None:
-    """There is nothing to identify in numbers; the command that is named works."""
+    """Names a working command for a file without a log to identify."""
     monkeypatch.chdir(tmp_path)
     Path("m4.json").write_text(json.dumps(servo("m4")))
     options = ["--robot", "go2"] if more else []
@@ -167,8 +167,8 @@ def test_every_file_that_bam_ships_comes_back() -> None:
         ours, theirs = models.load_model_from_dict(back), models.load_model_from_dict(data)
         for motor_torque, external in ((0.0, 0.0), (0.3, -0.3), (0.0, 0.4), (-0.2, 0.1)):
             for speed in (0.0, 0.05, 2.0, -20.0):
-                found = ours.compute_frictions(motor_torque, external, speed)
-                assert found == pytest.approx(theirs.compute_frictions(motor_torque, external, speed)), path
+                reference = ours.compute_frictions(motor_torque, external, speed)
+                assert reference == pytest.approx(theirs.compute_frictions(motor_torque, external, speed)), path
         held = {field: value for field, value in back.items() if field in data}
         assert held == pytest.approx({field: data[field] for field in held}) and held.keys() >= FIELDS_BACK, path
         kept += 1

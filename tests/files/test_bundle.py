@@ -22,13 +22,13 @@ EVERY_FILE = (*FILES, SUMS)
 
 def test_a_fresh_bundle_reads_back(bundle: Path, contract: Contract) -> None:
     """Otherwise nothing that is exported could be used."""
-    found = read_bundle(bundle)
-    assert found.contract == contract
-    assert found.name == "toy"
-    assert found.card == "# Toy\n"
-    assert len(found.golden) == 500
-    assert found.digest == hashlib.sha256((bundle / SUMS).read_bytes()).hexdigest()
-    assert found.size == sum((bundle / name).stat().st_size for name in EVERY_FILE)
+    copy = read_bundle(bundle)
+    assert copy.contract == contract
+    assert copy.name == "toy"
+    assert copy.card == "# Toy\n"
+    assert len(copy.golden) == 500
+    assert copy.digest == hashlib.sha256((bundle / SUMS).read_bytes()).hexdigest()
+    assert copy.size == sum((bundle / name).stat().st_size for name in EVERY_FILE)
 
 
 @pytest.mark.parametrize("position", [0, 0.5, -1])
@@ -52,18 +52,18 @@ def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
 
 
 def test_a_folder_that_is_no_bundle_is_told_apart_from_one_that_is_damaged(bundle: Path) -> None:
-    """If this failed, who names a run's folder would look for a card that was never there."""
+    """Distinguishes a folder without a bundle, such as a run's, from a damaged bundle."""
     run = bundle.parent / "run"
     run.mkdir()
-    with pytest.raises(BundleError, match=r"is no policy bundle.*name the directory of one"):
+    with pytest.raises(BundleError, match=r"is not a policy bundle.*name the directory of one"):
         read_bundle(run)
     bundle.rename(run / "bundle")
-    with pytest.raises(BundleError, match=r"is no policy bundle.*did you mean .*bundle\?"):
+    with pytest.raises(BundleError, match=r"is not a policy bundle.*did you mean .*bundle\?"):
         read_bundle(run)
 
 
 @pytest.mark.parametrize(
-    ("put", "said"),
+    ("put", "message"),
     [
         (lambda folder: (folder / "policy.onnx.data").write_bytes(b"weights"), r"policy\.onnx\.data"),
         (lambda folder: (folder / "extra").mkdir(), "extra"),
@@ -75,10 +75,10 @@ def test_a_folder_that_is_no_bundle_is_told_apart_from_one_that_is_damaged(bundl
     ],
     ids=["file", "folder", "63 bytes", "65 bytes", "large", "link"],
 )
-def test_what_no_checksum_covers_is_refused(bundle: Path, put: Callable[[Path], object], said: str) -> None:
+def test_what_no_checksum_covers_is_refused(bundle: Path, put: Callable[[Path], object], message: str) -> None:
     """A file or folder too many, a signature of another size, a link to another file, one that fills the memory."""
     put(bundle)
-    with pytest.raises(BundleError, match=said):
+    with pytest.raises(BundleError, match=message):
         read_bundle(bundle)
 
 

@@ -57,7 +57,7 @@ def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value:
 
 
 @pytest.mark.parametrize(
-    ("version", "said"),
+    ("version", "message"),
     [
         (3, r"schema version 3; this program reads 1 to 2; update stiction"),
         (0, r"schema version 0; this program reads 1 to 2; export the bundle again"),
@@ -65,11 +65,11 @@ def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value:
         (True, r"schema version True; this program reads 1 to 2; export the bundle again"),
     ],
 )
-def test_another_version_is_said_before_any_field(contract: Contract, version: object, said: str) -> None:
+def test_another_version_is_said_before_any_field(contract: Contract, version: object, message: str) -> None:
     """A field that only this version has was said to be missing, and nobody was told to update."""
     data = json.loads(contract.to_json()) | {"schema_version": version, "from_the_future": 1}
     del data["compensation_speeds"], data["target_limits"], data["command_correction"]
-    with pytest.raises(BundleError, match=f"^contract.json: {said}$"):
+    with pytest.raises(BundleError, match=f"^contract.json: {message}$"):
         read_contract(json.dumps(data).encode())
 
 

@@ -1,4 +1,4 @@
-"""What a contract says of its training agrees with itself, and with the settings that it repeats."""
+"""Consistency of a contract's record of its training, and with the settings that it repeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What results were made from is known by its content."""
+"""Digests identify the inputs of results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def written(path: Path, text: str) -> Path:
 
 
 def test_a_file_is_known_by_its_sha256_and_what_cannot_be_read_by_nothing(tmp_path: Path) -> None:
-    """If this failed, a file that is not there would be told as one that has changed, and not as missing."""
+    """Identifies a file by its SHA-256, and leaves out unreadable ones."""
     log = written(tmp_path / "log.csv", "time\n")
     assert digests_of({"log": [log]}) == {"log": {str(log): hashlib.sha256(b"time\n").hexdigest()}}
     missing = {"log": [log, tmp_path / "none.csv"], "sidecar": None, "repeat": ()}
@@ -27,7 +27,7 @@ def test_a_file_is_known_by_its_sha256_and_what_cannot_be_read_by_nothing(tmp_pa
 
 
 def test_a_sidecar_belongs_to_its_log(tmp_path: Path) -> None:
-    """If this failed, whoever edits gains in the sidecar would lose the results of before."""
+    """Counts the sidecar as a part of its log."""
     log = written(tmp_path / "log.csv", "1")
     before = digests_of({"log": with_sidecars([log])})
     assert with_sidecars([Path()]) == [Path()]  # Whoever reads it says that it is a folder.
@@ -39,7 +39,7 @@ def test_a_sidecar_belongs_to_its_log(tmp_path: Path) -> None:
 
 
 def test_a_bundle_is_known_by_its_digest_and_its_name(tmp_path: Path) -> None:
-    """If this failed, a policy trained anew under the name of the old one would replace its results."""
+    """Distinguishes two trainings of a policy under one name."""
     name, path = next(iter(shipped_bundles().items()))
     shipped = digests_of({"bundles": (Path(name),)})
     assert shipped["bundles"][name].split() == [read_bundle(path).digest, name]
@@ -55,7 +55,7 @@ def test_a_bundle_is_known_by_its_digest_and_its_name(tmp_path: Path) -> None:
 
 
 def test_a_robot_is_known_by_its_model_too(tmp_path: Path) -> None:
-    """If this failed, an edited model would be taken for that of before, for its robot.yaml is the same."""
+    """Notices an edited model behind an unchanged robot.yaml."""
     model, robot = written(tmp_path / "dog.xml", "<mujoco/>"), written(tmp_path / "robot.yaml", "model: dog.xml\n")
     before = digests_of({"robot": str(robot)})
     model.write_text("<mujoco></mujoco>", encoding="utf-8")
@@ -63,7 +63,7 @@ def test_a_robot_is_known_by_its_model_too(tmp_path: Path) -> None:
 
 
 def test_the_log_of_a_run_is_known_by_its_files_and_another_folder_by_its_path(tmp_path: Path) -> None:
-    """If this failed, a longer log of a run would pass for the old one, or a folder of runs could not grow."""
+    """Identifies the log of a run by its files, and any other folder by its path."""
     written(tmp_path / "run/log/log.json", "{}")
     part, known = written(tmp_path / "run/log/part", "1"), [tmp_path / "run", tmp_path / "run/log"]
     before = [digests_of({"log": path}) for path in known]

@@ -74,23 +74,23 @@ def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> No
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"inertia": {"value": 1, "std": 1}}, "shank: inertia"),
         ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
-        ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "no number of JSON"),
+        ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "not a JSON number"),
         ({"innertia": None}, "no field 'innertia'; did you mean 'inertia'?"),
         ({"test_condition": "wet"}, "bare_motor"),
         ({"friction_law": 1}, "friction_law"),
     ],
 )
-def test_a_wrong_field_is_named(tmp_path: Path, change: dict, said: str) -> None:
+def test_a_wrong_field_is_named(tmp_path: Path, change: dict, message: str) -> None:
     """The user learns which field of which joint is wrong."""
     path = tmp_path / "joints.json"
     path.write_text(json.dumps({"schema_version": 1, "joints": {"shank": change}}))
     with pytest.raises(FileError) as caught:
         load_joints(path)
-    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema_version": 2, "joints": {}}', '{"schema_version": 1}'])
@@ -107,5 +107,5 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
 def test_a_proposal_for_training_is_not_taken_for_joints(tmp_path: Path) -> None:
     """The two files lie side by side and are easily mixed up."""
     (tmp_path / "training.json").write_text('{"schema_version": 1, "friction": null, "joints": {}}')
-    with pytest.raises(FileError, match=r"expected the joints.json that lies beside it"):
+    with pytest.raises(FileError, match=r"expected the joints.json in the same folder"):
         load_joints(tmp_path / "training.json")

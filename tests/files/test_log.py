@@ -33,7 +33,7 @@ def test_a_csv_becomes_signals_by_joint(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "the file is empty"),
         (b"time,position\n", "no samples"),
@@ -46,11 +46,11 @@ def test_a_csv_becomes_signals_by_joint(tmp_path: Path) -> None:
         (b"time,angle\n0,1\n", "no column position"),
     ],
 )
-def test_a_bad_csv_is_one_line_that_names_the_trouble(tmp_path: Path, content: bytes, said: str) -> None:
+def test_a_bad_csv_is_one_line_that_names_the_trouble(tmp_path: Path, content: bytes, message: str) -> None:
     """A user must learn from the message what to repair."""
     with pytest.raises(LogError) as caught:
         open_log(written(tmp_path, content))
-    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_missing_files_and_joints_are_named(tmp_path: Path) -> None:
@@ -68,20 +68,20 @@ def test_missing_files_and_joints_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("{", "not JSON"),
         ("[1]", "holds a list; expected the sidecar"),
-        ('{"kp": NaN}', "no number of JSON"),
+        ('{"kp": NaN}', "not a JSON number"),
         ('{"axis": "rotory"}', "expected rotary, linear; did you mean 'rotary'?"),
         ('{"schema_version": 1, "joints": {}}', "a result of `stiction identify`"),
     ],
 )
-def test_a_bad_sidecar_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_bad_sidecar_is_refused(tmp_path: Path, text: str, message: str) -> None:
     """A misspelt gain that is ignored would silently cost the dead band."""
     path = written(tmp_path, GOOD)
     path.with_suffix(".json").write_text(text)
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         open_log(path)
 
 

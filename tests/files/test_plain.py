@@ -11,22 +11,22 @@ from stiction.files.plain import object_text, read_object, take_version, write_o
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"\xff", "not JSON"),
         (b"[" * 100_000, "not JSON"),
-        (b'{"a": NaN}', "NaN is no number of JSON"),
-        (b'{"a": 1, "b": {"c": 1, "c": 1}}', "the key 'c' stands twice"),
+        (b'{"a": NaN}', "NaN is not a JSON number"),
+        (b'{"a": 1, "b": {"c": 1, "c": 1}}', "the key 'c' is given twice"),
         (b"[]", "holds a list"),
         (b" " * 101, "over 100 bytes"),
     ],
 )
-def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     """A file that is damaged, too large or another one must not end in a traceback, or fill the memory."""
     path = tmp_path / "x.json"
     path.write_bytes(content)
     most = 100 if content == b" " * 101 else 2**20
-    with pytest.raises(BundleError, match=said) as caught:
+    with pytest.raises(BundleError, match=message) as caught:
         read_object(path, "the thing", BundleError, most)
     assert str(caught.value).startswith("x.json: ") and str(caught.value).endswith("; expected the thing")
     for missing in (tmp_path / "none.json", tmp_path):

@@ -49,10 +49,10 @@ ROWS, STEPS = row_layout(JOINTS, 6), targets_layout(CONTRACT)
 
 def logged(number: int, stage: Stage = Stage.RUN) -> dict[str, object]:
     """Return the row of a reading whose every signal tells its number."""
-    said = state(number, 0.002 * number, joint_position=STANDING + 1e-3 * number)
+    reading = state(number, 0.002 * number, joint_position=STANDING + 1e-3 * number)
     target = STANDING + 2e-3 * number
     out = Out(stage, None, target + 1.0, Limited(target, np.full(JOINTS, 2)))
-    return row(said, np.full(JOINTS, 0.5 * number), out, np.array([0.5, 0.0, 0.0]))
+    return row(reading, np.full(JOINTS, 0.5 * number), out, np.array([0.5, 0.0, 0.0]))
 
 
 @pytest.fixture

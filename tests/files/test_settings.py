@@ -35,7 +35,7 @@ class Run:
 
 
 RESULTS = ("results",)
-"""What `write` writes."""
+"""Files that `write` writes."""
 
 
 def write(options: Run, verb: str = "evaluate") -> None:
@@ -45,7 +45,7 @@ def write(options: Run, verb: str = "evaluate") -> None:
 
 
 def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
-    """If this failed, a second run would spoil the first one's results, or nothing could be resumed."""
+    """Continues with the same settings, and rejects others."""
     first = Run(tmp_path)
     write(first)
     write(replace(first, jobs=2, extra=1))
@@ -63,7 +63,7 @@ def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
 def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
     """A robot.yaml that nobody's `robot show` wrote was replaced without a word."""
     (tmp_path / "robot.yaml").write_text("mine", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json that says what of;"):
+    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json in it;"):
         check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.xml", "robot.yaml"))
     with results_folder(tmp_path, "robot show", Run(tmp_path, overwrite=True), ("robot.yaml",)):
         pass
@@ -71,7 +71,7 @@ def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
 
 
 def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path) -> None:
-    """If this failed, a mistyped file would block its folder, or an interrupted run be written over."""
+    """Records nothing after a failure, and the settings after an interruption."""
     for error, noted in ((ConfigurationError("no such log"), False), (KeyboardInterrupt(), True)):
         with pytest.raises(type(error)), results_folder(tmp_path, "evaluate", Run(tmp_path), RESULTS):
             raise error
@@ -79,7 +79,7 @@ def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path)
 
 
 def test_a_folder_of_another_version_is_compared_by_what_both_have(tmp_path: Path) -> None:
-    """If this failed, a new option would lock every folder of before."""
+    """Compares a folder of another version by the settings in both."""
     write(Run(tmp_path))
     there = json.loads((tmp_path / SETTINGS).read_text(encoding="utf-8"))
     there["settings"] = {"levels": [0.0, 0.1], "gone": 3}
@@ -95,13 +95,13 @@ def test_a_folder_of_another_version_is_compared_by_what_both_have(tmp_path: Pat
 
 
 def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> None:
-    """If this failed, results that another program, the Python API or a colleague put there would be lost."""
+    """Keeps results of unknown origin."""
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     check_settings(tmp_path, "identify", Run(tmp_path), ("joints.json",))
     (tmp_path / "joints.json").write_text("mine", encoding="utf-8")
-    said = r"has joints.json, and no settings.json that says what of; choose another --out, or add --overwrite"
+    message = r"has joints.json, and no settings.json in it; choose another --out, or add --overwrite"
     with (
-        pytest.raises(ConfigurationError, match=said),
+        pytest.raises(ConfigurationError, match=message),
         results_folder(tmp_path, "identify", Run(tmp_path), ("joints.json", "report.html")),
     ):
         pass
@@ -112,7 +112,7 @@ def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> Non
 
 
 def test_a_run_that_died_or_failed_while_it_wrote_goes_on(tmp_path: Path) -> None:
-    """If this failed, what a full disk or a kill left half written would be called somebody else's."""
+    """Continues a run that was killed, or failed on a full disk."""
     run = Run(tmp_path)
     for words, verb, refused in ((RESULTS, "evaluate", False), ((), "evaluate", True), (RESULTS, "study wear", True)):
         out = tmp_path / f"{verb}-{len(words)}"
@@ -154,7 +154,7 @@ def test_another_content_is_another_setting_and_another_place_is_none(
 
 
 def test_a_file_is_written_over_where_nothing_is_lost(tmp_path: Path) -> None:
-    """If this failed, a file of one's own would be gone, or the same command could not be typed twice."""
+    """Overwrites a file only where nothing is lost."""
     file, options = tmp_path / "shank.xml", Run(tmp_path)
     check_file(file, options, text="new")
     file.touch()

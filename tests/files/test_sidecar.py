@@ -23,7 +23,7 @@ WHOLE = {
 
 
 def test_a_joint_s_own_fields_go_before_its_kind_s_and_those_before_the_log_s() -> None:
-    """What is not said for the joint holds as it does for all."""
+    """Takes settings of the joint, then of its kind, then of the whole log."""
     setup = setup_from_dict(WHOLE, "x.json")
     hip, left, right = (setup.of_joint(name) for name in ("FL_hip", "FL_calf", "FR_calf"))
     assert (hip.kp, left.kp, right.kp) == (20, 25, 30)
@@ -41,7 +41,7 @@ def test_what_is_written_is_read_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         ({"torque_calibrated": 1}, "torque_calibrated is '1'; expected true or false"),
         ({"delay": "2ms"}, "delay is 2ms; expected a finite number"),
@@ -52,9 +52,9 @@ def test_what_is_written_is_read_again() -> None:
         ({"joints": {"calf": {"from": 3}}}, "x.json: joint 'calf': from is of the whole log"),
     ],
 )
-def test_a_bad_field_is_named(data: dict, said: str) -> None:
+def test_a_bad_field_is_named(data: dict, message: str) -> None:
     """A misspelt field that is ignored would silently cost what it was meant for."""
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         setup_from_dict(data, "x.json")
 
 

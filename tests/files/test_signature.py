@@ -187,8 +187,8 @@ def test_a_key_under_which_anybody_signs_is_refused(
     (bundle / SIGNATURE).write_bytes(forged)
     for words in (["verify"], ["deploy", "--out", str(tmp_path / "run")], ["evaluate", "--out", str(tmp_path / "out")]):
         assert main([words[0], str(bundle), *words[1:], "--key", str(weak)]) == 1
-        said = capsys.readouterr().err
-        assert "weak key" in said and said.count("\n") == 1
+        output = capsys.readouterr().err
+        assert "weak key" in output and output.count("\n") == 1
     assert not (tmp_path / "run").exists() and not (tmp_path / "out").exists()
 
 
@@ -210,11 +210,11 @@ def test_what_walks_has_the_signature_that_was_asked_for(
     verbs = ["deploy", str(bundle), "--armed"], ["evaluate", str(bundle)]
     asked = [[*words, "--out", str(tmp_path / words[0]), "--key"] for words in verbs]
 
-    def refused(key: Path, said: str) -> None:
+    def refused(key: Path, message: str) -> None:
         for words in asked:
             assert main([*words, str(key)]) == 1
             printed = capsys.readouterr().err
-            assert said in printed and printed.count("\n") == 1 and not (tmp_path / words[0]).exists()
+            assert message in printed and printed.count("\n") == 1 and not (tmp_path / words[0]).exists()
 
     refused(keys[1], "no signature")
     assert main(["sign", str(bundle), "--key", str(keys[0])]) == 0
@@ -226,6 +226,6 @@ def test_what_walks_has_the_signature_that_was_asked_for(
         assert "the robot was started" in capsys.readouterr().err
     # A policy record, without its recorded steps, is walked by `evaluate`, and keeps its signature.
     (bundle / "golden.npz").unlink()
-    for key, said in ((other, "not by the key"), (keys[1], "the robot was started")):
+    for key, message in ((other, "not by the key"), (keys[1], "the robot was started")):
         assert main([*asked[1], str(key)]) == 1
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err

@@ -65,9 +65,9 @@ def test_parquet_keeps_numbers_stamps_and_holes(tmp_path: Path) -> None:
     stamps = arrow.array([1_700_000_000_000_000_000 + 5_000_000 * i for i in range(3)], arrow.timestamp("ns"))
     columns = {"time": stamps, "q": arrow.array([1.5, None, 3.5]), "n": arrow.array([1, 2, 3]), "mode": ["a", "b", "c"]}
     parquet.write_table(arrow.table(columns), tmp_path / "x.parquet")
-    found = read_parquet(tmp_path / "x.parquet")
-    table = found.columns
-    assert list(table) == ["time", "q", "n", "mode"] and list(found.faults) == ["mode"]
+    read_back = read_parquet(tmp_path / "x.parquet")
+    table = read_back.columns
+    assert list(table) == ["time", "q", "n", "mode"] and list(read_back.faults) == ["mode"]
     np.testing.assert_allclose(table["time"], [0, 0.005, 0.01], atol=1e-12)
     np.testing.assert_array_equal(table["q"], [1.5, np.nan, 3.5])
     columns["time"] = arrow.array([None, 1, 2], arrow.timestamp("ns"))
@@ -77,7 +77,7 @@ def test_parquet_keeps_numbers_stamps_and_holes(tmp_path: Path) -> None:
 
 
 def test_a_damaged_page_is_found_by_its_checksum(tmp_path: Path) -> None:
-    """What this program writes, it can check."""
+    """Detects a damaged page in a file of this program."""
     write_parquet(tmp_path / "x.parquet", {"q": np.random.default_rng(0).random(100)})
     data = bytearray((tmp_path / "x.parquet").read_bytes())
     data[300] ^= 1

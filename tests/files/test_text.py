@@ -36,9 +36,9 @@ def read(folder: Path, content: str | bytes, name: str = "log.csv") -> Table:
 )
 def test_how_it_is_written_is_found(tmp_path: Path, content: str, expected: dict[str, list[float]]) -> None:
     """Each of these is a file that somebody's program writes."""
-    found = read(tmp_path, content).columns
+    columns = read(tmp_path, content).columns
     for name, values in expected.items():
-        np.testing.assert_array_equal(found[name], values)
+        np.testing.assert_array_equal(columns[name], values)
 
 
 def test_encodings(tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def test_times_are_seconds_from_the_first(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("head", ["<!doctype html>\n<html>", "\ufeff <HTML lang='en'>"])
 def test_a_page_of_html_is_called_one(tmp_path: Path, head: str) -> None:
-    """If this failed, whoever saved the page of a download would be told of a line that is too long."""
+    """Recognises a web page saved in place of a log."""
     page = f"{head}<body>{'x' * 2 * LONGEST_LINE}</body></html>\n"
     with pytest.raises(LogError, match=r"^log.csv: a page of HTML, no log; download the file itself"):
         read(tmp_path, page)

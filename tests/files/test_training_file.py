@@ -21,16 +21,16 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b'{"schema_version": 2, "joints": {}}', "'friction'"),
         (b'{"schema_version": 1, "friction": {}}', "version 1"),
         (b'{"schema_version": 2, "friction": null, "text": "no\\nratio"}', "no ratio"),
     ],
 )
-def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     """A joints.json given by mistake, a broken file, a proposal of nothing."""
     (tmp_path / "training.json").write_bytes(content)
-    with pytest.raises(StictionError, match=said) as caught:
+    with pytest.raises(StictionError, match=message) as caught:
         read_training(tmp_path / "training.json")
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""What an Actuator Net sees and gives, by hand; that it can be fitted; and the law beside it."""
+"""Inputs and output of an Actuator Net, by hand; its fit; and its analytic baseline."""
 
 from dataclasses import replace
 
@@ -27,10 +27,10 @@ def test_a_window_by_hand() -> None:
     position = np.array([[9.0], [8.0], [7.0], [6.0], [5.0]])
     velocity = np.array([[0.1], [0.2], [0.3], [0.4], [0.5]])
     errors = first_signal("default", target, position)
-    found = windows(errors, velocity, 2)
-    assert found.shape == (3, 1, 6)
-    np.testing.assert_allclose(found[0, 0], [3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
-    np.testing.assert_allclose(found[2, 0], [5.0, 4.0, 3.0, 0.5, 0.4, 0.3])
+    inputs = windows(errors, velocity, 2)
+    assert inputs.shape == (3, 1, 6)
+    np.testing.assert_allclose(inputs[0, 0], [3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
+    np.testing.assert_allclose(inputs[2, 0], [5.0, 4.0, 3.0, 0.5, 0.4, 0.3])
     np.testing.assert_array_equal(first_signal("paper", target, position), position)
 
 

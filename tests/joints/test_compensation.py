@@ -29,8 +29,8 @@ def test_the_direction_by_hand() -> None:
 
 def test_the_push_of_a_stuck_joint_fades_when_it_moves() -> None:
     """At v_f to 37 %, at three times that to 0.01 %: a moving joint has no sign of the error pressed upon it."""
-    found = push_direction(np.zeros(4), np.ones(4), np.array([0.0, 0.3, -0.3, 0.9]), CFG)
-    np.testing.assert_allclose(found, [1.0, exp(-1), exp(-1), exp(-9)])
+    pushes = push_direction(np.zeros(4), np.ones(4), np.array([0.0, 0.3, -0.3, 0.9]), CFG)
+    np.testing.assert_allclose(pushes, [1.0, exp(-1), exp(-1), exp(-9)])
 
 
 def test_a_target_is_moved_on_by_hand() -> None:
@@ -75,8 +75,8 @@ def test_by_the_measured_speed_the_target_plays_no_part_once_the_joint_moves() -
 def test_friction_grows_with_the_motors_torque() -> None:
     """0.75 (8 + 0.1 · 20) = 7.5 N m, whichever way the motor pulls."""
     controller = Compensation("measured", 0.75).controller(np.array([8.0]), 0.002, load=0.1)
-    for given in (20.0, -20.0):
-        assert controller.torque(np.zeros(1), np.zeros(1), np.full(1, 3.0), given) == pytest.approx(7.5)
+    for requested in (20.0, -20.0):
+        assert controller.torque(np.zeros(1), np.zeros(1), np.full(1, 3.0), requested) == pytest.approx(7.5)
 
 
 def test_a_robot_of_a_batch_that_is_reset_begins_with_its_target_at_rest() -> None:
@@ -85,8 +85,8 @@ def test_a_robot_of_a_batch_that_is_reset_begins_with_its_target_at_rest() -> No
     fast = np.full((2, 1), 9.0)
     controller.torque(np.zeros((2, 1)), np.zeros((2, 1)), fast)
     controller.reset(np.array([1]))
-    found = controller.torque(np.ones((2, 1)), np.ones((2, 1)), fast)
-    assert found[0] == pytest.approx(6.0) and found[1] == pytest.approx(0.0)
+    torque = controller.torque(np.ones((2, 1)), np.ones((2, 1)), fast)
+    assert torque[0] == pytest.approx(6.0) and torque[1] == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(
@@ -113,9 +113,9 @@ def test_a_joint_hunts_while_it_goes_to_and_fro_five_times_in_the_last_second() 
     for n in range(2000):
         at = n * period
         swing = 0.5 * np.sin(2 * np.pi * 10 * at) if at < 2.0 else 0.0
-        found = hunting.step(np.array([swing, 0.09 * (-1) ** n, 1.0 if at < 1.0 else -1.0]))
-        assert not found[1:].any()
-        if found[0]:
+        flags = hunting.step(np.array([swing, 0.09 * (-1) ** n, 1.0 if at < 1.0 else -1.0]))
+        assert not flags[1:].any()
+        if flags[0]:
             first, last = at if first is None else first, at
     # Ten turns, the first at 0.05 s; the last ones leave the second until half of twenty are left.
     assert first == pytest.approx(0.5, abs=0.02) and last == pytest.approx(2.5, abs=0.06)

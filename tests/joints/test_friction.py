@@ -35,17 +35,17 @@ def test_impossible_values_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "said"),
+    ("law", "message"),
     [
-        (LawSpec("coulomb", "again", factor=lambda: 1.0), "is there already"),
+        (LawSpec("coulomb", "again", factor=lambda: 1.0), "exists already"),
         (LawSpec("nothing", "has no form"), "neither a factor nor exact pieces"),
         (LawSpec("odd", "estimates what nobody knows", factor=lambda: 1.0, parameters=("rust",)), "'rust' has no unit"),
     ],
 )
-def test_a_law_that_cannot_be_is_not_registered(law: LawSpec, said: str) -> None:
+def test_a_law_that_cannot_be_is_not_registered(law: LawSpec, message: str) -> None:
     """It would be offered by every command, and fail in the middle of a walk."""
     before = dict(LAWS)
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         register_law(law)
     assert before == LAWS
 

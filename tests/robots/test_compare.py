@@ -16,7 +16,7 @@ from stiction.robots.mjcf import build
 
 @pytest.mark.parametrize("name", ["go1", "g1", "saturn_lite"])
 def test_a_robot_agrees_with_its_own_model(name: str, tmp_path: Path) -> None:
-    """What is simulated, written to a file and read again, is the same robot."""
+    """Agrees with itself after it is written to a file and read again."""
     robot = find_robot(name)
     (tmp_path / "robot.xml").write_text(build(robot).to_xml())
     assert check_against(robot, tmp_path / "robot.xml") == robot.num_joints

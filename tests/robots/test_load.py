@@ -41,7 +41,7 @@ def test_everything_derivable_is_derived_by_hand(tmp_path: Path) -> None:
 
 def test_what_is_said_wins_and_the_first_match_counts(tmp_path: Path) -> None:
     """Field by field: an expression that says less leaves the rest to the next one."""
-    said = """
+    description = """
 model: robot.xml
 name: rex
 joints:
@@ -55,7 +55,7 @@ vendor: {order: [FR_calf_joint, FR_thigh_joint, FR_hip_joint, FL_hip_joint, FL_t
   RL_hip_joint, RL_thigh_joint, RL_calf_joint, RR_hip_joint, RR_thigh_joint, RR_calf_joint],
   sign: {FR_.*: -1}, offset: {.*_calf_joint: 0.2}}
 """
-    robot = load_robot(write(tmp_path, said)).robot
+    robot = load_robot(write(tmp_path, description)).robot
     assert robot.name == "rex" and robot.joint_kinds == ("leg",)
     assert robot.joint_values("kp")[:4].tolist() == [60.0, 50.0, 40.0, 50.0]
     assert robot.joint_values("kd")[0] == 0.1
@@ -137,22 +137,22 @@ def test_a_robot_is_not_shown_into_its_own_files(
         file.write_text("model: model/robot.xml\n")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
     assert main(["robot", "show", str(file), "--out", str(tmp_path / "model"), *more]) == 1
-    said = capsys.readouterr()
-    assert "robot.xml would be overwritten, and is read; choose another --out" in said.err and said.out == ""
-    assert said.err.count("\n") == 1 and {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    output = capsys.readouterr()
+    assert "robot.xml is an input and would be overwritten; choose another --out" in output.err and output.out == ""
+    assert output.err.count("\n") == 1 and {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
 
 
 @pytest.mark.parametrize(
-    ("said", "message"),
+    ("description", "message"),
     [
         ("model: other.xml", "there is no such .xml or .urdf file"),
-        ("model: my_package:make", "names code; a file runs none"),
+        ("model: my_package:make", "is code, which no file may run"),
         ("model: robot.xml\njiont: {}", "unknown field 'jiont'; did you mean 'joints'"),
         ("model: robot.xml\njoints: {.*_hip: {kp: 1}}", r"unknown joint '\.\*_hip'"),
         ("model: robot.xml\njoints: {.*: {kp: fast}}", "kp is 'fast'; expected a number"),
         ("model: robot.xml\njoints: {.*: {torque_limit: 0}}", "has no torque limit"),
         ("model: robot.xml\njoints: {'a?a?a?a?a?aaaaa': {kp: 1}}", "could be slow"),
-        ("model: robot.xml\njoints: {'[': {kp: 1}}", "no regular expression"),
+        ("model: robot.xml\njoints: {'[': {kp: 1}}", "not a regular expression"),
         ("model: robot.xml\npose: {.*_thigh_joint: 45}", "45 rad; is that in degrees"),
         ("model: robot.xml\npose: {.*_calf_joint: 1.0}", "outside its limits"),
         ("model: robot.xml\nkeyframe: hoem", "unknown keyframe 'hoem'; did you mean 'home'"),
@@ -162,14 +162,14 @@ def test_a_robot_is_not_shown_into_its_own_files(
         ("model: robot.xml\nvendor: {sign: {.*: 2}}", "expected 1 or -1"),
         ("model: robot.xml\ngait_period: 30", "gait_period is 30 s, with 4 feet; expected 0.2 to 3 s"),
         ("model: robot.xml\ngait_period: slow", "gait_period is 'slow'; expected a number"),
-        ("model: robot.xml\nmodel: robot.xml", "'model' stands twice"),
+        ("model: robot.xml\nmodel: robot.xml", "'model' is given twice"),
         ("model: [robot.xml", "is not YAML"),
     ],
 )
-def test_what_is_wrong_is_said_by_name(said: str, message: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_said_by_name(description: str, message: str, tmp_path: Path) -> None:
     """A line that is not understood is never a value that is silently not taken."""
     with pytest.raises(StictionError, match=message):
-        load_robot(write(tmp_path, said + "\n"))
+        load_robot(write(tmp_path, description + "\n"))
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_what_is_wrong_is_said_by_name(said: str, message: str, tmp_path: Path) 
     ],
 )
 def test_a_broken_copy_is_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:
-    """What would have been another robot, or a traceback from a library, is one line that names the element."""
+    """Reports a damaged copy in one line that names the element."""
     assert old in MJCF
     with pytest.raises(StictionError, match=message):
         load_robot(write(tmp_path, model=MJCF.replace(old, new, 12 if "ctrlrange" in old else 1)))

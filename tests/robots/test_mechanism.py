@@ -38,13 +38,13 @@ def test_a_urdf_arm_and_what_a_robot_yaml_says_of_it(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(URDF)
     assert find_mechanism(str(tmp_path / "two.urdf")).torque_limit == (30.0, 12.0)
     (tmp_path / "robot.yaml").write_text("model: two.urdf\njoints: {a: {torque_limit: 40}}\npose: {b: 0.5}\n")
-    said = find_mechanism(str(tmp_path / "robot.yaml"))
-    assert said.torque_limit == (40.0, 12.0) and said.rest == (0.0, 0.5)
-    assert said.links[1].origin == pytest.approx((0, 0, 0.4))
+    mechanism = find_mechanism(str(tmp_path / "robot.yaml"))
+    assert mechanism.torque_limit == (40.0, 12.0) and mechanism.rest == (0.0, 0.5)
+    assert mechanism.links[1].origin == pytest.approx((0, 0, 0.4))
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>", "no hinge"),
         (
@@ -56,8 +56,8 @@ def test_a_urdf_arm_and_what_a_robot_yaml_says_of_it(tmp_path: Path) -> None:
         ("<mujoco><oops/></mujoco>", "MuJoCo cannot read it"),
     ],
 )
-def test_what_is_no_tree_of_named_hinges_is_refused(tmp_path: Path, content: str, said: str) -> None:
+def test_what_is_no_tree_of_named_hinges_is_refused(tmp_path: Path, content: str, message: str) -> None:
     """One sentence each; a mechanism made up from half a file would give friction that is wrong."""
     (tmp_path / "odd.xml").write_text(content)
-    with pytest.raises(RobotError, match=said):
+    with pytest.raises(RobotError, match=message):
         find_mechanism(str(tmp_path / "odd.xml"))

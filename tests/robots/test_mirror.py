@@ -88,7 +88,7 @@ def test_what_was_said_is_verified() -> None:
     """A mirror that was written down swaps wrong joints as easily as a wrong sign does."""
     robot = find_robot("go1")
     swapped = ("FL_hip_joint", "FL_thigh_joint", "FL_calf_joint", "FR_hip_joint", "FR_thigh_joint", "FR_calf_joint")
-    said = (
+    images = (
         *swapped,
         "RL_hip_joint",
         "RL_thigh_joint",
@@ -97,10 +97,10 @@ def test_what_was_said_is_verified() -> None:
         "RR_thigh_joint",
         "RR_calf_joint",
     )
-    found = robot_mirror(replace(robot, mirror_names=said))
-    assert found.joints.tolist() == robot_mirror(robot).joints.tolist()
+    mirror = robot_mirror(replace(robot, mirror_names=images))
+    assert mirror.joints.tolist() == robot_mirror(robot).joints.tolist()
     with pytest.raises(StictionError, match=r"joint 'FR_hip_joint' .* 0 joints named 'RL_hip_joint'"):
-        robot_mirror(replace(robot, mirror_names=("RL_hip_joint", *said[1:])))
+        robot_mirror(replace(robot, mirror_names=("RL_hip_joint", *images[1:])))
     with pytest.raises(StictionError, match="says mirror: none"):
         robot_mirror(replace(robot, mirror_names=()))
 

@@ -1,4 +1,4 @@
-"""What actuators give a joint is what MuJoCo simulates of them."""
+"""Torques, gains and inertias of actuators at a joint equal MuJoCo's."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def loaded(tmp_path: Path, text: str) -> Derived:
 def simulated(joint: str, *actuators: str) -> tuple[float, float]:
     """Return inertia [kg m²] and damping torque at 1 rad/s [N m], by MuJoCo, of the link less a plain one."""
     values = []
-    for found in (model(joint, *actuators), model()):
-        data, inertia = mujoco.MjData(found), np.zeros((1, 1))
+    for compiled in (model(joint, *actuators), model()):
+        data, inertia = mujoco.MjData(compiled), np.zeros((1, 1))
         data.qvel[0] = 1.0
-        mujoco.mj_forward(found, data)
-        mujoco.mj_fullM(found, data, inertia)
+        mujoco.mj_forward(compiled, data)
+        mujoco.mj_fullM(compiled, data, inertia)
         values.append((inertia[0, 0], -data.qfrc_passive[0]))
     return values[0][0] - values[1][0], values[0][1] - values[1][1]
 
@@ -56,8 +56,8 @@ def simulated(joint: str, *actuators: str) -> tuple[float, float]:
 )
 def test_inertia_and_damping_are_those_of_the_simulation(joint: str, actuators: list[str]) -> None:
     """Gear squared times the actuator's, beside the joint's own; actuators with two controls shift no number."""
-    found = model(joint, *actuators)
-    assert (armature(found, 0), damping(found, 0)[0]) == pytest.approx(simulated(joint, *actuators))
+    compiled = model(joint, *actuators)
+    assert (armature(compiled, 0), damping(compiled, 0)[0]) == pytest.approx(simulated(joint, *actuators))
 
 
 def test_a_robot_has_the_inertia_at_its_actuators(tmp_path: Path) -> None:
@@ -87,9 +87,9 @@ def test_servos_and_their_limits_are_read() -> None:
     pid = model("", '<pid joint="j" gear="2" kp="3" kv="0.5" input="pos vel ff" ffrange="-1 1" forcerange="-7 7"/>')
     drive = 'motorconst=".1" resistance="2" input="pos" controller="3 0 .5" saturation="7 0 0"'
     dcmotor = model("", f'<dcmotor joint="j" gear="2" {drive}/>')
-    for found in (position, pid, dcmotor):
-        assert gains(found, 0) == (12.0, 2.0)
-        assert torque_limit(found, 0)[0] == 14.0
+    for compiled in (position, pid, dcmotor):
+        assert gains(compiled, 0) == (12.0, 2.0)
+        assert torque_limit(compiled, 0)[0] == 14.0
     voltage = model("", '<dcmotor joint="j" motorconst="0.1" resistance="2" ctrlrange="-24 24"/>')
     assert torque_limit(voltage, 0)[0] == 0.0 and gains(voltage, 0) == (0.0, 0.0)
     rate = model("", '<general joint="j" dyntype="integrator" gainprm="3" ctrlrange="-5 5"/>')
@@ -98,7 +98,7 @@ def test_servos_and_their_limits_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("actuator", "said"),
+    ("actuator", "message"),
     [
         ('<motor joint="j" name="m" delay="0.01" nsample="6"/>', "m delay their control"),
         ('<position joint="j" name="m" kp="1" timeconst="0.1"/>', "m filter or integrate"),
@@ -107,14 +107,14 @@ def test_servos_and_their_limits_are_read() -> None:
         ('<motor joint="j" name="m"/>', ""),
     ],
 )
-def test_what_is_not_read_is_named(actuator: str, said: str) -> None:
+def test_what_is_not_read_is_named(actuator: str, message: str) -> None:
     """One sentence for each kind, none for a plain motor."""
     notes = list(unread(model("", actuator)))
-    assert len(notes) == bool(said) and all(said in note for note in notes)
+    assert len(notes) == bool(message) and all(message in note for note in notes)
 
 
 def test_a_budget_under_which_friction_slips_is_named(tmp_path: Path) -> None:
-    """Of the file's own <option>, and of a task's rows; MuJoCo's own budget is enough."""
+    """Names a budget that is too small, in the file's <option> and in a task's rows; MuJoCo's default is enough."""
     low = loaded(tmp_path, quad(option='iterations="10" ls_iterations="20"'))
     assert any("expected at least 20 and 50" in note for note in low.notes)
     plain = loaded(tmp_path, quad())

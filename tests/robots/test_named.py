@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.errors import RobotError
 from stiction.robots.catalog import find_robot, robot_names
-from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.model import Robot, with_standing_height
 from stiction.robots.named import check_named, reordered
 
 GO2 = find_robot("go2")
@@ -63,7 +63,7 @@ def test_a_policy_of_others_lowers_gains_and_raises_none() -> None:
     # Of each leg knee last, legs from the rear on.
     turned = reordered(GO2, [*GO2.joint_names[6:], *GO2.joint_names[:6]])
     joints = tuple(replace(joint, kp=20.0, default_position=joint.default_position + 0.1) for joint in turned.joints)
-    check_named(on_its_feet(replace(turned, joints=joints)), elsewhere=True)
+    check_named(with_standing_height(replace(turned, joints=joints)), elsewhere=True)
     with pytest.raises(RobotError, match=r"torque_limit 24, the shipped go2 has at most 23.7"):
         check_named(with_joint(torque_limit=24.0), elsewhere=True)
     with pytest.raises(RobotError, match="standing_height"):

@@ -18,18 +18,18 @@ from stiction.robots.model import Robot
 def states(robot: Robot) -> dict[str, str]:
     """Return the worst state of each check."""
     order = ("good", "note", "bad")
-    found: dict[str, str] = {}
+    by_check: dict[str, str] = {}
     for finding in check_robot(robot):
-        found[finding.check] = max(found.get(finding.check, "good"), finding.state, key=order.index)
-    return found
+        by_check[finding.check] = max(by_check.get(finding.check, "good"), finding.state, key=order.index)
+    return by_check
 
 
 @pytest.mark.parametrize("name", robot_names())
 def test_shipped_robots_pass(name: str) -> None:
     """Nothing to mend; a biped does not stand without a policy, which is no fault."""
-    found = states(find_robot(name))
-    assert "bad" not in found.values()
-    assert found["stands"] == ("note" if name == "g1" else "good")
+    by_check = states(find_robot(name))
+    assert "bad" not in by_check.values()
+    assert by_check["stands"] == ("note" if name == "g1" else "good")
 
 
 def altered(robot: Robot, **fields: float) -> Robot:
@@ -86,7 +86,9 @@ def test_standing_torques_by_hand() -> None:
 def check_of(tmp_path: Path, model: str) -> Finding:
     """Return whether the robot of a file stands."""
     (tmp_path / "quad.xml").write_text(model)
-    return next(found for found in check_robot(load_robot(tmp_path / "quad.xml").robot) if found.check == "stands")
+    return next(
+        finding for finding in check_robot(load_robot(tmp_path / "quad.xml").robot) if finding.check == "stands"
+    )
 
 
 def test_a_robot_on_its_knees_or_belly_does_not_stand(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a robot is: data that is checked, and the MuJoCo model that is built from it."""
+"""Robots as checked data, and their MuJoCo models."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def test_it_comes_back_to_the_last_digit(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("version",), 2, "no robot of version 1"),
+        (("version",), 2, "not a robot of version 1"),
         (("links", 0, "origin"), [1, 2], r"links\[0\]: origin is .* expected a list of 3"),
         (("joints", 1, "kp"), float("nan"), r"joints\[1\]: kp is nan"),
         (("joints", 1, "armature"), 0, "armature of joint"),

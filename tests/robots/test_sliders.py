@@ -24,7 +24,7 @@ def lightest(robot: Robot) -> np.ndarray:
 
 
 def sticks(ratio: float, load: float, joint: int = 0, stiffness: float = 1000.0) -> bool:
-    """Whether a lone joint, its k h²/4I set by its rotor, sticks under a sudden share of its friction."""
+    """Return whether a lone joint, its k h²/4I set by its rotor, sticks under a sudden share of its friction."""
     fleet = Fleet(find_robot("saturn_lite"), 1, STEP, 1, physics=PhysicsCfg("plastic", stiffness=stiffness))
     fleet.set_gravity((0.0, 0.0, 0.0))
     fleet.base_position[:, 2] += 1.0

@@ -1,4 +1,4 @@
-"""What the hinges of a standing robot carry, against statics by hand and against MuJoCo's sensors."""
+"""Load of the hinges of a standing robot, against statics by hand and against MuJoCo's sensors."""
 
 from __future__ import annotations
 

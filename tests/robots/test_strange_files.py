@@ -65,14 +65,14 @@ def test_a_urdf_is_refused_in_one_line(model: str, message: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    "said",
+    "description",
     ["joints: {.*: {kd: -5}}", "joints: {.*: {damping: -1}}", "joints: {.*: {frictionloss: -1}}",
      "joints: {.*: {action_scale: 0}}", "name: ../../x", "feet: [FL_foot, FL_ball, FR_foot]"],
 )  # fmt: skip
-def test_what_nothing_has_is_refused(said: str, tmp_path: Path) -> None:
+def test_what_nothing_has_is_refused(description: str, tmp_path: Path) -> None:
     """A gain of the wrong sign trained for hours; a name of a file leaves its folder."""
     with pytest.raises(StictionError, match="expected"):
-        load_robot(write(tmp_path, f"model: robot.xml\n{said}\n"))
+        load_robot(write(tmp_path, f"model: robot.xml\n{description}\n"))
 
 
 @pytest.mark.parametrize(
@@ -113,24 +113,24 @@ def test_a_urdf_keeps_the_names_of_feet_behind_fixed_joints(tmp_path: Path) -> N
         '<origin xyz="0 0 -.31"/></joint>'
         for side in ("left", "right")
     )
-    said = URDF_SAID + "feet: [left_foot, right_foot]\n"
-    robot = load_robot(write(tmp_path, said, urdf().replace("</robot>", feet + "</robot>"), "robot.urdf")).robot
+    description = URDF_SAID + "feet: [left_foot, right_foot]\n"
+    robot = load_robot(write(tmp_path, description, urdf().replace("</robot>", feet + "</robot>"), "robot.urdf")).robot
     assert robot.foot_names == ("left_foot", "right_foot") and robot.mass == pytest.approx(12.0)
     assert all(foot.is_ball for foot in robot.feet)
 
 
 @pytest.mark.parametrize(
-    ("said", "check", "words"),
+    ("description", "check", "words"),
     [
         ("mirror: {FL_hip_joint: RR_hip_joint}", "mirror", "0 joints named 'RR_hip_joint'"),
         ("joints: {.*: {frictionloss: 100}}", "motors", "it never moves"),
         ("feet: [FL_foot, FR_foot, RL_foot, RR_foot]", "size", "are lengths in millimetres"),
     ],
 )
-def test_the_check_finds(said: str, check: str, words: str, tmp_path: Path) -> None:
+def test_the_check_finds(description: str, check: str, words: str, tmp_path: Path) -> None:
     """Each was a note at most, and the robot "can be used"."""
     model = MJCF.replace('pos="0.2 0.05 0"', 'pos="200 50 0"') if check == "size" else MJCF
-    findings = check_robot(load_robot(write(tmp_path, f"model: robot.xml\n{said}\n", model)).robot)
+    findings = check_robot(load_robot(write(tmp_path, f"model: robot.xml\n{description}\n", model)).robot)
     assert [words in one.text for one in findings if one.check == check and one.state == "bad"] == [True]
 
 
@@ -157,6 +157,6 @@ def test_an_error_of_the_simulator_has_its_place(tmp_path: Path, joints: str, sc
     (tmp_path / "robot.xml").write_text(f"{model}</body></body></worldbody></mujoco>")
     (tmp_path / "scene.xml").write_text('<mujoco><include file="robot.xml"/></mujoco>')
     name = "scene.xml" if scene else "robot.xml"
-    said = re.escape(f"; see robot.xml{PLACES[joints]}") if scene else "robot.xml.*line 3"
-    with pytest.raises(StictionError, match=said):
+    place = re.escape(f"; see robot.xml{PLACES[joints]}") if scene else "robot.xml.*line 3"
+    with pytest.raises(StictionError, match=place):
         load_robot(tmp_path / name)

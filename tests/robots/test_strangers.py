@@ -29,19 +29,19 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def load(said: Path, folder: Path) -> Robot:
+def load(description: Path, folder: Path) -> Robot:
     """Return a robot of others, with our lines beside its package."""
     for package in WHEELS.iterdir():
         (folder / package.name).symlink_to(package)
-    (folder / said.name).write_text(said.read_text())
-    return load_robot(folder / said.name).robot
+    (folder / description.name).write_text(description.read_text())
+    return load_robot(folder / description.name).robot
 
 
-@pytest.mark.parametrize("said", DESCRIBED, ids=lambda path: path.stem)
-def test_a_robot_of_others_passes_every_check(said: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("description", DESCRIBED, ids=lambda path: path.stem)
+def test_a_robot_of_others_passes_every_check(description: Path, tmp_path: Path) -> None:
     """From at most twelve lines."""
-    assert len(said.read_text().splitlines()) <= 12
-    robot = load(said, tmp_path)
+    assert len(description.read_text().splitlines()) <= 12
+    robot = load(description, tmp_path)
     assert [finding for finding in check_robot(robot) if finding.state == "bad"] == []
     robot_mirror(robot)
 
@@ -50,14 +50,14 @@ def test_a_robot_of_others_passes_every_check(said: Path, tmp_path: Path) -> Non
 def test_axes_of_shipped_robots_are_the_makers(ours: str, theirs: str, tmp_path: Path) -> None:
     """Within 1 mm and 1e-3 rad at random angles: a sign that is wrong turns a leg the other way on the robot."""
     robot = g1.whole() if ours == "g1" else find_robot(ours)
-    said = Path(__file__).with_name("described") / f"{theirs}.yaml"
+    description = Path(__file__).with_name("described") / f"{theirs}.yaml"
     if ours == "g1":
-        text = "".join(line for line in said.read_text().splitlines(True) if "action: false" not in line)
-        said = tmp_path / "whole.yaml"
-        said.write_text(text.replace("joints:", "joints:\n  .*: {torque_limit: 50, armature: 0.01}"))
+        text = "".join(line for line in description.read_text().splitlines(True) if "action: false" not in line)
+        description = tmp_path / "whole.yaml"
+        description.write_text(text.replace("joints:", "joints:\n  .*: {torque_limit: 50, armature: 0.01}"))
     folder = tmp_path / "robots"
     folder.mkdir()
-    other = load(said, folder)
+    other = load(description, folder)
     assert set(robot.joint_names) == set(other.joint_names)
     generator = np.random.default_rng(0)
     for _ in range(20):

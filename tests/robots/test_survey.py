@@ -20,9 +20,9 @@ ROBOT = (
 BALL = "<geom size='.1'/>"
 
 ATTACKS = {
-    "a pipe": ("<include file='pipe'/>", "", "it is a pipe"),
-    "a device": ("<include file='/dev/zero'/>", "", "it is a pipe or a device"),
-    "a pipe, in another file": ("<include file='inner.xml'/>", "", "it is a pipe"),
+    "a pipe": ("<include file='pipe'/>", "", "is a pipe"),
+    "a device": ("<include file='/dev/zero'/>", "", "is a pipe or a device"),
+    "a pipe, in another file": ("<include file='inner.xml'/>", "", "is a pipe"),
     "a field": ("<asset><hfield name='h' nrow='30000' ncol='30000' size='1 1 1 1'/></asset>", "", "hfield"),
     "a field from a pipe": ("<asset><hfield name='h' file='pipe' size='1 1 1 1'/></asset>", "", "hfield"),
     "another model": ("<asset><model name='m' file='pipe'/></asset>", "", "<model>"),
@@ -41,19 +41,19 @@ ATTACKS = {
     "many": ("", BALL * 60_000, "elements; a robot has"),
     "user data": ("<size nuser_geom='1000000000'/>", "", "nuser_geom"),
 }
-"""What it asks for -> what stands before the world, and in it, and what is said of it."""
+"""Attack -> XML before the world, XML in it, and the message."""
 
 
 @pytest.mark.parametrize("name", ATTACKS)
 def test_what_is_not_bounded_is_refused(name: str, tmp_path: Path) -> None:
     """Nothing ends MuJoCo once it has begun, not even SIGTERM; the test would not end."""
-    before, world, said = ATTACKS[name]
+    before, world, message = ATTACKS[name]
     os.mkfifo(tmp_path / "pipe")
     os.mkfifo(tmp_path / "pipe.stl")
     (tmp_path / "inner.xml").write_text("<mujoco><include file='pipe'/></mujoco>")
     file = tmp_path / "robot.xml"
     file.write_text(ROBOT.format(before=before, world=world))
-    with pytest.raises(RobotError, match=said):
+    with pytest.raises(RobotError, match=message):
         read_source(file)
 
 
@@ -70,7 +70,7 @@ def test_pictures_and_memory_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoding", ["utf-7", "big5", "rot13", "idna", "nonsense"])
 @pytest.mark.parametrize("file", ["robot.xml", "robot.urdf"])
 def test_an_encoding_that_is_not_read_is_one_line(file: str, encoding: str, tmp_path: Path) -> None:
-    """What Python refuses to decode for the parser is the file's fault, and says what to do."""
+    """Reports an encoding that Python does not decode for the parser in one line, with a remedy."""
     text = ROBOT.format(before="", world="") if file == "robot.xml" else "<robot name='x'><link name='base'/></robot>"
     (tmp_path / file).write_text(f"<?xml version='1.0' encoding='{encoding}'?>{text}")
     with pytest.raises(RobotError, match=r"its encoding is not read: .*; save it as UTF-8"):

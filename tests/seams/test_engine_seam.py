@@ -72,7 +72,7 @@ def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp
         ("engine_of_mine:NOTHING", "no 'NOTHING' in engine_of_mine"),
         ("engine_of_nobody:ENGINE", "cannot be imported"),
         (":ENGINE", "cannot be imported"),
-        ("mujoko", "did you mean 'mujoco'[?] known: mujoco, physx, ode, ode-webots; name one of your own"),
+        ("mujoko", "did you mean 'mujoco'[?] known: mujoco, physx, ode, ode-webots; give a custom one"),
     ],
 )
 def test_a_name_that_leads_to_no_engine_is_refused(mine: Path, name: str, said: str) -> None:

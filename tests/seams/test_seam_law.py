@@ -67,7 +67,7 @@ def test_it_is_in_every_place_that_names_laws() -> None:
     assert friction.level_axis("seal") == "seal friction at rest, % of each joint's torque limit"
     contract = make_contract(friction_law="seal")
     assert read_contract(contract.to_json().encode()).law == Law("seal")
-    with pytest.raises(StictionError, match="is there already"):
+    with pytest.raises(StictionError, match="exists already"):
         register_law(SEAL)
 
 

@@ -58,9 +58,9 @@ def test_it_is_a_flag_and_goes_on_after_a_resume(tmp_path: Path) -> None:
     [
         ("alive", "expected package.module:NAME"),
         ("no_such_module_at_all:alive", "cannot be imported"),
-        (f"{__name__}:dead", "there is no 'dead'"),
-        (f"{__name__}:HERE", "a function with a name of its own"),
-        (f"{__name__}:fall", "a function with a name of its own"),
+        (f"{__name__}:dead", "has no 'dead'"),
+        (f"{__name__}:HERE", "a function with another name"),
+        (f"{__name__}:fall", "a function with another name"),
     ],
 )
 def test_what_is_no_new_term_is_refused(name: str, said: str) -> None:
@@ -88,7 +88,7 @@ def number(snapshot: Snapshot) -> float:
 @pytest.mark.parametrize(
     ("term", "said"),
     [
-        ("crooked", r"returns a tensor of shape \(\); expected \(2,\), a number a robot"),
+        ("crooked", r"returns a tensor of shape \(\); expected \(2,\), one value per robot"),
         (
             "broken",
             "fails with AttributeError: 'Snapshot' object has no attribute 'no_such_thing'; expected a function",

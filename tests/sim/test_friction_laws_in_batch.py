@@ -19,8 +19,8 @@ def make(law: Law, num: int = 2, level: float = 0.1) -> Fleet:
 
 def test_formulas_by_hand() -> None:
     """Friction of 2 N m, half more at rest: 3 at rest, 2 + 1/e at v_s, 2 far above. |(3, 4, 0)| + |(0, 0, -2)| = 7."""
-    found = 2.0 * stribeck_factor(np.array([0.0, -0.1, 5.0]), 1.5, 0.1)
-    np.testing.assert_allclose(found, [3.0, 2.0 + np.exp(-1.0), 2.0])
+    bounds = 2.0 * stribeck_factor(np.array([0.0, -0.1, 5.0]), 1.5, 0.1)
+    np.testing.assert_allclose(bounds, [3.0, 2.0 + np.exp(-1.0), 2.0])
     np.testing.assert_allclose(load_size(np.array([[[[3.0, 4.0, 0.0], [0.0, 0.0, -2.0]]]])), [[7.0]])
 
 
@@ -74,7 +74,7 @@ def test_a_robot_that_blew_up_has_finite_friction_again(law: Law) -> None:
 @pytest.mark.parametrize("laws", [*((law,) for law in MEASURED), (Law("stribeck"),), (Law(), Law("load"))])
 @pytest.mark.parametrize("delay", [0.0, 0.015])
 def test_a_redrawn_robot_has_the_friction_of_its_own_state_at_once(laws: tuple[Law, ...], delay: float) -> None:
-    """What disturbs joints in proportion to their friction reads it before the step: it would read another robot's."""
+    """Gives a redrawn robot the friction of its state before the next step, for disturbances proportional to it."""
     fleet = Fleet(find_robot("go1"), 3, joint_sensors=True)
     fleet.delay[:] = delay
     friction = JointFriction(fleet, *laws)

@@ -30,11 +30,11 @@ class Case:
     own: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of mass of the first link, from the joint [m]."""
     second: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """That of the second [m]."""
+    """Position of the second [m]."""
     gravity: tuple[float, float, float] = ALONG
     """[m/s²]."""
     velocity_iterations: int = 0
-    """Of the solver."""
+    """Velocity iterations of the solver."""
 
     @property
     def inertia(self) -> float:
@@ -134,5 +134,5 @@ def test_physx_still_does_what_was_measured(case: Case) -> None:
     joint = prepared(articulation, COEFFICIENT, (10, case.velocity_iterations))
     joint.set_drive_properties(0.0, 1e6, force_limit=DRIVE, mode="force")
     joint.set_drive_velocity_target(1e3)
-    found = DRIVE - case.inertia * acceleration(scene, articulation, lambda: None)
-    assert found == pytest.approx(case.friction, abs=5e-3)
+    friction = DRIVE - case.inertia * acceleration(scene, articulation, lambda: None)
+    assert friction == pytest.approx(case.friction, abs=5e-3)

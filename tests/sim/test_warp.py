@@ -180,7 +180,7 @@ WRITES = {
     "a clip": ("ctrl", lambda fleet: np.clip(fleet.targets, -0.2, 0.2, out=fleet.targets)),
     "a law of friction": ("dof_frictionloss", lambda fleet: JointFriction(fleet, Law("coulomb")).set_level(0.5)),
 }
-"""What is written -> the field, and how."""
+"""Kind of write -> the field, and the write."""
 
 
 @pytest.mark.parametrize(("field", "write"), WRITES.values(), ids=WRITES)

@@ -10,7 +10,7 @@ from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.learning.begin import why_task_on_host
 from stiction.learning.config import TrainCfg
-from stiction.sim.chosen import masked, numbered, put
+from stiction.sim.indexing import assign, to_ids, to_mask
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -48,7 +48,7 @@ def test_a_missing_package_is_one_line(tmp_path, capsys: pytest.CaptureFixture, 
 
 
 def test_a_missing_gpu_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
-    """Whether Warp or torch does not find it."""
+    """Reports a GPU that Warp or torch does not find in one line."""
     warp = pytest.importorskip("warp", reason="warp, of the extra 'gpu', is not installed")
     monkeypatch.setattr(warp, "is_cuda_available", lambda: False)
     assert main(["train", "--device", "cuda", "--out", str(tmp_path / "run")]) == 1
@@ -85,10 +85,10 @@ def test_robots_are_chosen_by_number_or_by_mask() -> None:
     values, mask = torch.arange(8.0).view(4, 2), torch.tensor([False, True, False, True])
     ids = mask.nonzero().flatten()
     one, other = torch.zeros(4, 2), torch.zeros(4, 2)
-    put(one, mask, values)
-    put(other, ids, values[ids])
+    assign(one, mask, values)
+    assign(other, ids, values[ids])
     assert torch.equal(one, other) and one.tolist() == [[0, 0], [2, 3], [0, 0], [6, 7]]
-    assert torch.equal(masked(ids, 4), mask) and masked(mask, 4) is mask
-    assert [value.tolist() for value in numbered(mask, values)] == [[1, 3], [[2, 3], [6, 7]]]
-    put(one, mask, 0)
+    assert torch.equal(to_mask(ids, 4), mask) and to_mask(mask, 4) is mask
+    assert [value.tolist() for value in to_ids(mask, values)] == [[1, 3], [[2, 3], [6, 7]]]
+    assign(one, mask, 0)
     assert not one.any()

@@ -102,7 +102,7 @@ def test_privileged_observation_is_what_was_drawn() -> None:
 
 @pytest.mark.parametrize("law", ["load", "effort"])
 def test_privileged_friction_of_a_coefficient_is_in_tenths_of_the_limit(law: str) -> None:
-    """Of `load` under a leg's share of the weight, of `effort` at full torque: of the size of Coulomb's."""
+    """Equals `load` under a leg's share of the weight, and `effort` at full torque, in the scale of Coulomb's."""
     env = make(friction=FrictionCfg("deception", level=0.1, law=law, per="joint"))
     typical = env.fleet.torque_limit if law == "effort" else env.spec.weight / 4
     coefficient = env.host.law.levels[0]
@@ -125,11 +125,11 @@ def test_friction_in_training_has_the_range_of_its_method(method: str, low: floa
 def test_identification_sets_the_nominal_joint_and_the_level_overrides_its_friction() -> None:
     """`--joints` without a level trains at the identified friction; what was not identified stays as specified."""
     fleet = make().fleet
-    found = {"armature": np.array([np.nan] * 11 + [0.05]), "frictionloss": np.full(12, 1.5)}
-    alone = nominal_joints(fleet, FrictionCfg(), found)
+    identified = {"armature": np.array([np.nan] * 11 + [0.05]), "frictionloss": np.full(12, 1.5)}
+    alone = nominal_joints(fleet, FrictionCfg(), identified)
     assert alone.armature[-1] == 0.05 and alone.armature[0] == 0.0121
     assert (alone.frictionloss == 1.5).all() and (alone.damping == 0.0342).all()
-    levelled = nominal_joints(fleet, FrictionCfg(level=0.1), found)
+    levelled = nominal_joints(fleet, FrictionCfg(level=0.1), identified)
     np.testing.assert_allclose(levelled.frictionloss, 0.1 * fleet.torque_limit)
 
 
@@ -167,10 +167,10 @@ def test_every_robot_is_pushed_within_bounds() -> None:
     env = make(num_envs=64, randomization=RandomizationCfg(push_interval=0.04, push_velocity=0.5))
     env.step(torch.zeros(64, 12))
     before = env.fleet.qvel[:, :3].copy()
-    env._happen(torch.zeros(64, dtype=torch.bool))
+    env._trigger_events(torch.zeros(64, dtype=torch.bool))
     assert np.array_equal(before, env.fleet.qvel[:, :3])
     env.episode_length_buf[:] = 2
-    env._happen(torch.zeros(64, dtype=torch.bool))
+    env._trigger_events(torch.zeros(64, dtype=torch.bool))
     change = env.fleet.qvel[:, :3] - before
     assert 0.4 < np.abs(change[:, :2]).max() <= 0.5 and (change[:, 2] == 0).all()
 

@@ -25,35 +25,35 @@ def shank(**changes) -> JointRecord:
 
 def test_a_kind_stands_for_all_its_joints_and_the_others_stay() -> None:
     """`shank` is both shanks; the hips keep what the robot says."""
-    found = identified_joints(JointsFile({"shank": shank()}), NAMES, LINKS, LIMITS)
-    assert found.armature == (None, 0.03, None, 0.03)
-    assert found.damping == (None, 0.07, None, 0.07) and found.frictionloss == (None, 0.4, None, 0.4)
-    assert found.warnings == ()
+    joints = identified_joints(JointsFile({"shank": shank()}), NAMES, LINKS, LIMITS)
+    assert joints.armature == (None, 0.03, None, 0.03)
+    assert joints.damping == (None, 0.07, None, 0.07) and joints.frictionloss == (None, 0.4, None, 0.4)
+    assert joints.warnings == ()
 
 
 def test_links_are_taken_off_an_inertia_measured_in_the_air() -> None:
     """The simulator adds them again: 0.03 - 0.01."""
-    found = identified_joints(JointsFile({"shank": shank(test_condition="in_air")}), NAMES, LINKS, LIMITS)
-    assert found.armature[1] == pytest.approx(0.02)
+    joints = identified_joints(JointsFile({"shank": shank(test_condition="in_air")}), NAMES, LINKS, LIMITS)
+    assert joints.armature[1] == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("condition", ["loaded", None])
 def test_an_inertia_with_an_unknown_load_is_not_used(condition: str | None) -> None:
     """Friction is; and the user is told."""
-    found = identified_joints(JointsFile({"shank": shank(test_condition=condition)}), NAMES, LINKS, LIMITS)
-    assert found.armature == (None,) * 4 and found.frictionloss[1] == 0.4
-    assert len(found.warnings) == 1 and "inertia" in found.warnings[0]
+    joints = identified_joints(JointsFile({"shank": shank(test_condition=condition)}), NAMES, LINKS, LIMITS)
+    assert joints.armature == (None,) * 4 and joints.frictionloss[1] == 0.4
+    assert len(joints.warnings) == 1 and "inertia" in joints.warnings[0]
 
 
 def test_friction_that_is_known_as_a_ratio_only_is_that_share_of_the_limit() -> None:
     """A log without torque: 2 % of the shank's 40 N m is 0.8, and the user is told; newton metres go before it."""
     unknown = {"inertia": None, "viscous_friction": None, "coulomb_friction": None}
-    found = identified_joints(
+    joints = identified_joints(
         JointsFile({"shank": shank(friction_ratio=number(0.02), **unknown)}), NAMES, LINKS, LIMITS
     )
-    assert found.frictionloss == (None, pytest.approx(0.8), None, pytest.approx(0.8))
-    assert found.armature == found.damping == (None,) * 4
-    assert len(found.warnings) == 1 and "'shank'" in found.warnings[0] and "2 %" in found.warnings[0]
+    assert joints.frictionloss == (None, pytest.approx(0.8), None, pytest.approx(0.8))
+    assert joints.armature == joints.damping == (None,) * 4
+    assert len(joints.warnings) == 1 and "'shank'" in joints.warnings[0] and "2 %" in joints.warnings[0]
     both = identified_joints(JointsFile({"shank": shank(friction_ratio=number(0.02))}), NAMES, LINKS, LIMITS)
     assert both.frictionloss[1] == 0.4 and both.warnings == ()
     negative = identified_joints(

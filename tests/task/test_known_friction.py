@@ -1,4 +1,4 @@
-"""What the task tells a policy of its joints' friction: the robot's own, with the error of a bench."""
+"""Observed friction of the robot's joints, with the error of a bench."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ def make(num_envs: int = 64, error: tuple[float, float] = (0.7, 1.3), **changes:
 
 
 def told(env: LocomotionEnv) -> np.ndarray:
-    """What each robot's newest frame says, f/τ_max of hip, thigh and shank, shape (N, 3)."""
+    """Return the friction in each robot's newest frame, f/τ_max of hip, thigh and shank, shape (N, 3)."""
     return env.get_observations()["proprioception"][:, -3:].double().numpy() / 5.0
 
 
 def present(env: LocomotionEnv) -> np.ndarray:
-    """What the simulated joints have, the mean over four legs, shape (N, 3)."""
+    """Return the friction of the simulated joints, the mean over four legs, shape (N, 3)."""
     share = env.fleet.friction / env.fleet.torque_limit
     return np.stack([share[:, kind::3].mean(axis=1) for kind in range(3)], axis=-1)
 
 
 def test_without_an_error_it_is_the_mean_over_the_legs() -> None:
-    """Of the friction that MuJoCo holds the joints with, over their torque limits."""
+    """Equals the friction in MuJoCo over the joints' torque limits."""
     env = make(error=(1.0, 1.0))
     np.testing.assert_allclose(told(env), present(env), atol=1e-6)
     assert present(env).min() > 0 and present(env).max() < 0.24

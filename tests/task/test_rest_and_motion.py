@@ -115,7 +115,7 @@ def test_a_joint_holds_below_its_friction_at_rest_and_slides_above(speed: float)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ({"static_ratio": (1.8, 1.2)}, "friction static_ratio: got"),
         ({"static_ratio": (1.2, 11.0)}, "static ratio 11"),
@@ -124,9 +124,9 @@ def test_a_joint_holds_below_its_friction_at_rest_and_slides_above(speed: float)
         ({"stribeck_velocity": (0.1,)}, "friction stribeck_velocity: got"),
     ],
 )
-def test_a_range_that_makes_no_law_is_refused(words: dict, said: str) -> None:
+def test_a_range_that_makes_no_law_is_refused(words: dict, message: str) -> None:
     """In one line that names the number."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         replace(BOTH, **words)
 
 

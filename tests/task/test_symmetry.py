@@ -223,7 +223,7 @@ def test_a_wrong_map_fails_every_check(check, wrong, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("wrong", [wrong_sign, wrong_legs])
 def test_rewards_tell_a_wrong_map(wrong) -> None:
-    """What a transition pays is the same in the mirror, and in a wrong mirror it is not."""
+    """Gives a mirrored transition the same reward, and another one under a wrong map."""
     env, other = make("saturn_lite"), make("saturn_lite")
     walked(env)
     other.load_state(mirrored_state(env, wrong(robot_mirror(env.spec))))

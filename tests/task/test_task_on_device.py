@@ -78,7 +78,7 @@ def test_the_task_on_the_device_is_that_on_the_host(by_mask: bool, steps: int) -
 
 
 def test_a_checkpoint_of_the_device_goes_on_bit_by_bit() -> None:
-    """What the next step depends on must all be in it."""
+    """Restores the complete state of the next step."""
     env = pair(False)[1]
     actions = 0.5 * torch.randn(12, NUM, env.num_actions, generator=torch.Generator().manual_seed(2))
     state = deepcopy(env.state())

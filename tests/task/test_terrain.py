@@ -107,7 +107,7 @@ def test_the_map_shows_the_ground_ahead() -> None:
     env.fleet.place_terrain(np.arange(8), np.full(8, 0.5), np.zeros((8, 24, 4)))
     env.course.heading[:] = 0.0
     env.fleet.reset(np.arange(8), position=np.tile([-(REACH + 0.3), 0.0], (8, 1)))
-    seen = env._look_around()["elevation"][-1]  # the last robot is on stairs
+    seen = env._elevation_group()["elevation"][-1]  # the last robot is on stairs
     ahead = torch.from_numpy(SCAN_POINTS[:, 0]) > 0.3
     step = 0.5 * 0.2
     assert env.course.terrain.kind[-1] == KINDS.index("stairs")

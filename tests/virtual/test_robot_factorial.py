@@ -1,4 +1,4 @@
-"""Which robots there are: drawn from seeds, in cells, at levels."""
+"""Robots drawn from seeds, in cells, at levels."""
 
 from dataclasses import fields, replace
 

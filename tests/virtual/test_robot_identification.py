@@ -38,7 +38,7 @@ def engines(monkeypatch: pytest.MonkeyPatch) -> list[Hinges]:
         return built[-1]
 
     monkeypatch.setitem(ENGINES, "hinges", EngineSpec("hinges", build))
-    monkeypatch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+    monkeypatch.setattr(bench_study, "missing_engine", lambda name, spec: None)
     return built
 
 
@@ -48,7 +48,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Identi
     out = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(ENGINES, "hinges", EngineSpec("hinges", Hinges))
-        patch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+        patch.setattr(bench_study, "missing_engine", lambda name, spec: None)
         rows, failed = study_benches([BENCH], out)
     assert not failed
     return out, rows

@@ -1,4 +1,4 @@
-"""What a motor gives, with numbers worked out by hand."""
+"""Torque of a motor, with numbers worked out by hand."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def one(value: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("torque", "speed", "given"),
+    ("torque", "speed", "torque_limit"),
     [
         (60.0, 0.0, 45.0),
         (-60.0, 5.0, -45.0),
@@ -34,9 +34,11 @@ def one(value: float) -> np.ndarray:
         (-60.0, -15.0, -22.5),
     ],
 )
-def test_torque_falls_with_speed_when_driving_and_not_when_braking(torque: float, speed: float, given: float) -> None:
+def test_torque_falls_with_speed_when_driving_and_not_when_braking(
+    torque: float, speed: float, torque_limit: float
+) -> None:
     """Knee at 10 of 20 rad/s: half of the torque is left at 15, nothing from 20 on."""
-    assert within_limits(one(torque), one(speed), LIMIT, one(20.0), 0.5)[0] == pytest.approx(given)
+    assert within_limits(one(torque), one(speed), LIMIT, one(20.0), 0.5)[0] == pytest.approx(torque_limit)
 
 
 def test_a_flat_battery_shifts_the_curve_down() -> None:

@@ -78,7 +78,7 @@ class Breaking(Failing):
 
 
 def test_a_fall_or_a_breakdown_ends_a_trial_as_a_fall(standing) -> None:
-    """What comes after would be judged as walking, and an unstable simulation as a good robot."""
+    """Ends a trial at a fall or a failure of the simulation, as a fall."""
     for engine, steps in ((Failing, None), (Breaking, 6)):
         ended = walk(standing, Case(4, "nominal", parse_level("0")), World(engine), forward, 100)
         recording = ended.recording

@@ -143,7 +143,7 @@ class Bare:
 
 
 def test_a_pilot_needs_nothing_but_a_port() -> None:
-    """What drives a robot must not come to depend on the simulation behind it: a real one has none."""
+    """Drives a robot through its port alone, as on a real one."""
     contract = make_contract()
     port = Bare()
     pilot, alone = (load_policy(contract, make_network(contract)) for _ in range(2))

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.robots.catalog import find_robot
 
 WALK = """
@@ -30,7 +30,7 @@ print(len(done.steps))
 @pytest.mark.parametrize("engine", ["physx", "ode"])
 def test_a_virtual_robot_walks_where_mujoco_cannot_be_imported(engine: str) -> None:
     """Whoever has one of the other engines would have to install a simulator that is not used."""
-    if missing := what_is_missing(engine, find_robot("saturn_lite")):
+    if missing := missing_engine(engine, find_robot("saturn_lite")):
         pytest.skip(missing)
     done = subprocess.run([sys.executable, "-c", WALK, engine], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr

@@ -92,11 +92,11 @@ def test_the_runtimes_log_tells_the_robots_own_friction(tmp_path: Path) -> None:
     record = identify_log(one, workers=1)[0][JOINT].record
     hidden, number = draw(ROBOT, SEED), ROBOT.joint_names.index(JOINT)
     own = 0.1 * ROBOT.joint_values("torque_limit")[number] * hidden.friction.share[number]
-    found = record.coulomb_friction
-    assert found is not None and found.interval95 is not None
+    friction = record.coulomb_friction
+    assert friction is not None and friction.interval95 is not None
     # A motor's own torque tells f/k.
-    assert found.interval95[0] <= own / hidden.motors.strength[number] <= found.interval95[1]
-    assert found.value == pytest.approx(own / hidden.motors.strength[number], rel=0.06)
+    assert friction.interval95[0] <= own / hidden.motors.strength[number] <= friction.interval95[1]
+    assert friction.value == pytest.approx(own / hidden.motors.strength[number], rel=0.06)
 
 
 def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
 
 
 def report(rule: str | None = None, idle: float = 0.2, policy: float = 0.5) -> dict[str, Any]:
-    """What a run reports of its end and its times [ms]."""
+    """Return a run's end and its times [ms]."""
     stop = None if rule is None else {"rule": rule}
     return {"stop": stop, "probe_ms": {"p99": idle}, "lateness_ms": {"p99": policy}}
 

@@ -7,7 +7,7 @@ import pytest
 
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.control import JointCommand, Reading
-from stiction.engines.catalog import make_engine, what_is_missing
+from stiction.engines.catalog import make_engine, missing_engine
 from stiction.engines.engine import Body, Engine, FrictionSensing, JointFriction
 from stiction.engines.ground import flat
 from stiction.joints.friction import Law
@@ -25,7 +25,7 @@ BOUND, STEP = 3.0, 0.001
 
 def on_stand(name: str) -> Engine:
     """Return the robot on a stand, its legs in the air."""
-    if why := what_is_missing(name, SPEC):
+    if why := missing_engine(name, SPEC):
         pytest.skip(why)
     engine = make_engine(name, Body.nominal(SPEC, fixed=True), flat(), STEP)
     engine.reset(STANDING, UP, UPRIGHT)
@@ -45,7 +45,7 @@ def needed(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray)
 
 @pytest.mark.parametrize("name", ["mujoco", "physx"])
 def test_an_engine_says_what_its_friction_did(name: str) -> None:
-    """What the motion took, less motor and B q': 3 N m against a joint that slides, less in one at rest."""
+    """Equals the torque of the motion less motor and B q': 3 N m for a sliding joint, less for one at rest."""
     engine = on_stand(name)
     assert isinstance(engine, FrictionSensing)
     np.testing.assert_array_equal(engine.friction_torque(), np.zeros(18))
@@ -59,9 +59,9 @@ def test_an_engine_says_what_its_friction_did(name: str) -> None:
             continue
         change = (motion.joint_velocity - before.joint_velocity) / STEP
         damped = motion if name == "mujoco" else before
-        found = needed(before.joint_position, before.joint_velocity, change)
-        found = found - torque + engine.body.damping * damped.joint_velocity
-        np.testing.assert_allclose(friction, found, atol=0.05)
+        friction_torque = needed(before.joint_position, before.joint_velocity, change)
+        friction_torque = friction_torque - torque + engine.body.damping * damped.joint_velocity
+        np.testing.assert_allclose(friction, friction_torque, atol=0.05)
         fast = np.abs(motion.joint_velocity) > 0.1
         np.testing.assert_allclose(friction[fast], -BOUND * np.sign(motion.joint_velocity[fast]), rtol=1e-6)
         sliding, resting = sliding + fast.sum(), resting + (np.abs(friction) < 0.9 * BOUND).sum()

@@ -37,7 +37,7 @@ class Counter:
 
 
 def test_a_command_is_asked_for_just_before_its_step() -> None:
-    """What commands a robot sees what it has done so far, and a caller may look between two steps."""
+    """Requests a command after the last step, and lets a caller look between two steps."""
     walker, seen, shares = Counter(), [], []
 
     def command(number: int) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from boxes import reflect
 
 from stiction.robots.hold import hold
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, with_standing_height
 from stiction.robots.shapes import Shape, Vector
 
 Moments = tuple[float, float, float, float, float, float]
@@ -213,7 +213,7 @@ def whole() -> Robot:
         standing_height=1.0,
         vendor=Vendor(names, (1.0,) * len(names), (0.0,) * len(names)),
     )
-    return on_its_feet(robot)
+    return with_standing_height(robot)
 
 
 def _legs_driven(robot: Robot) -> Robot:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from boxes import FEET, SHANK_RADIUS, THIGH_RADIUS, TRUNK, bone, reflect
 
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, with_standing_height
 from stiction.robots.shapes import Shape, Vector
 
 CORNERS = ("FR", "FL", "RR", "RL")
@@ -72,7 +72,7 @@ class Quadruped:
             standing_height=1.0,
             vendor=Vendor(names, (1.0,) * len(names), (0.0,) * len(names)),
         )
-        return on_its_feet(robot)
+        return with_standing_height(robot)
 
     def _joint(self, leg: str, joint: Joint) -> Joint:
         """Return one joint of a leg."""

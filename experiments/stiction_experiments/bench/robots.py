@@ -21,10 +21,10 @@ from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.records import column
 from stiction.deploy.control import JointCommand, Reading
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.files.joints import JointsFile
 from stiction.files.log import write_log
-from stiction.virtual.bench import Bench, bench_log, identified, write_found
+from stiction.virtual.bench import Bench, bench_log, identified, write_bench_results
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import VirtualRobot
 
@@ -186,7 +186,7 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         rows = beside_truth(bench, joints, meter.load)
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
-            write_found(joints, partial)
+            write_bench_results(joints, partial)
         return rows
     except UnwrittenError:
         raise
@@ -210,7 +210,7 @@ def study_benches(
 
     """
     for bench in benches:
-        if why := what_is_missing(bench.engine, bench.spec):
+        if why := missing_engine(bench.engine, bench.spec):
             raise EngineError(why)
     # Not in the robots' own folders, in which nothing but what was found may be.
     files = {bench.label: out / "judged" / f"{bench.label}.json" for bench in benches}

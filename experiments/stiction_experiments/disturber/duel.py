@@ -168,7 +168,7 @@ class SteadyEnv(LocomotionEnv):
     @contextmanager
     def _own_draws(self) -> Iterator[None]:
         if self._anew is None:
-            self._anew = torch.Generator(self.home).manual_seed(self.generator.initial_seed() ^ 1)
+            self._anew = torch.Generator(self.task_device).manual_seed(self.generator.initial_seed() ^ 1)
         everyone, self.generator = self.generator, self._anew
         try:
             yield

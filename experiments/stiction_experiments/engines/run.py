@@ -12,7 +12,7 @@ import numpy as np
 
 from stiction.core.errors import EngineError, check_once
 from stiction.core.records import column
-from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
+from stiction.engines.catalog import ENGINES, make_engine, missing_engine
 from stiction.robots.model import Robot
 from stiction_experiments.engines.conformance import flight, joint
 from stiction_experiments.engines.conformance.suite import CHECKS, check_timestep, conformance, steps_per_second
@@ -81,7 +81,7 @@ def find_engines(asked: Sequence[str] | None, spec: Robot) -> tuple[tuple[str, .
     """
     names = tuple(ENGINES if asked is None else asked)
     check_once("engines", names)
-    missing = {name: line for name in names if (line := what_is_missing(name, spec))}
+    missing = {name: line for name in names if (line := missing_engine(name, spec))}
     here = tuple(name for name in names if name not in missing)
     if missing and (asked is not None or not here):
         raise EngineError(next(iter(missing.values())))

@@ -149,7 +149,7 @@ class ContextPPO(AdaptationPPO):
         empty = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
         found = PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
         assert isinstance(found, ContextPPO)
-        env.tells_terminal = True
+        env.return_terminal_obs = True
         found.joints = env.spec.joint_names
         return found
 

@@ -21,7 +21,7 @@ from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.onset import LEAST, axes
 from stiction.files.velocity import parse_command
-from stiction.virtual.drive import unheard
+from stiction.virtual.drive import ignore_progress
 
 GRID = (0.0, *(0.01 * 2 ** (step / 2) for step in range(13)))
 """Friction at which a policy is walked, as a share of the torque limit: none, and 1 to 64 % by factors of √2."""
@@ -150,7 +150,10 @@ def readings(rows: Sequence[ReachRow]) -> dict[str, Any]:
 
 
 def walk_onset(
-    bundle: Bundle, before: Sequence[ReachRow] = (), threads: int = 1, progress: Callable[[float], None] = unheard
+    bundle: Bundle,
+    before: Sequence[ReachRow] = (),
+    threads: int = 1,
+    progress: Callable[[float], None] = ignore_progress,
 ) -> tuple[OnsetRow, list[ReachRow]]:
     """Return where a policy stops following and where it stands still, with all that it reached on the way.
 

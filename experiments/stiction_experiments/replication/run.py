@@ -11,7 +11,7 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError, EngineError, FileError
 from stiction.core.records import make_folder
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.evaluation.benches import forward_notes, unidentified_notes
 from stiction.evaluation.grid import GridCfg
 from stiction.evaluation.policies import FED_BY, method_of, method_texts
@@ -224,7 +224,7 @@ def _trained(contract: Contract) -> str:
 def check_engines(parts: Sequence[Part], spec: Robot) -> None:
     """Raise `StictionError` where an engine of a part is not installed: before anything walks, or is trained."""
     for name in dict.fromkeys(one.spec.name for part in parts for one in part.grid.simulators if not one.is_batch):
-        if why := what_is_missing(name, spec):
+        if why := missing_engine(name, spec):
             raise EngineError(why)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, nearest, unknown_name
-from stiction.core.extras import says_what_is_missing
+from stiction.core.extras import explain_missing
 
 Options = TypeVar("Options")
 Arguments = ParamSpec("Arguments")
@@ -37,7 +37,7 @@ def public(function: Callable[Arguments, Returned]) -> Callable[Arguments, Retur
 
     Both as a `ConfigurationError` that names the argument, what came, and what was expected.
     """
-    called = says_what_is_missing(function)
+    called = explain_missing(function)
 
     @wraps(function)
     def checked(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Returned:

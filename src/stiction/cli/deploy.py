@@ -239,14 +239,14 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
 
     if address.transport == "virtual":
         # Here alone is a simulator, and only for the robot that is one.
-        from stiction.virtual.faults import WITH_POLICY, Faults, operated, parse_fault
+        from stiction.virtual.faults import WITH_POLICY, Faults, parse_fault, with_operators
         from stiction.virtual.serve import VirtualCfg, virtual_robot
 
         virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
         faults = tuple(map(parse_fault, cfg.fault))
         if motion is not None and (idle := [fault.name for fault in faults if fault.name in WITH_POLICY]):
             raise ConfigurationError(exclusion("--excitation", f"--fault {idle[0]}"))
-        watched = replace(planned, operator=operated(cfg.operator, faults, cfg.out / "stop"))
+        watched = replace(planned, operator=with_operators(cfg.operator, faults, cfg.out / "stop"))
 
         def on_virtual_robot() -> dict[str, Any]:
             with virtual_robot(folder, virtual) as robot, ExitStack() as stack:
@@ -256,7 +256,7 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
                     injected = stack.enter_context(told)
                 report = drive(robot.link, watched, injected)
                 times = {} if injected is None else injected.times
-                return report | {"faults": times, "virtual": robot.said() if cfg.armed else {}}
+                return report | {"faults": times, "virtual": robot.report() if cfg.armed else {}}
 
         return on_virtual_robot
 

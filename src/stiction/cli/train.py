@@ -14,7 +14,7 @@ from stiction.core.effects import exclusion
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.extras import require
 from stiction.core.gemm import fast_gemm_note, open_fast_gemm
-from stiction.core.options import Given
+from stiction.core.options import ParsedArguments
 from stiction.learning.arguments import Train, parse, parse_given
 from stiction.learning.config import TrainCfg
 
@@ -72,7 +72,7 @@ def _follow(arguments: list[str]) -> int:
     return 0
 
 
-def _begin(options: Train, base: TrainCfg, given: Given, command: str) -> tuple[RunDirectory, TrainCfg]:
+def _begin(options: Train, base: TrainCfg, given: ParsedArguments, command: str) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run. base: its configuration before anything was given."""
     from stiction.api.training import begin
     from stiction.learning.ranks import named_ranks
@@ -89,7 +89,7 @@ def _say(line: str) -> None:
     print(f"stiction train: {line}", file=sys.stderr)
 
 
-def _resume(options: Train, given: Given) -> int:
+def _resume(options: Train, given: ParsedArguments) -> int:
     """Go on with a run; say so and do nothing where it is finished."""
     from stiction.learning.run import RunDirectory
 

@@ -1,1 +1,1 @@
-"""What every room stands on: errors, provenance, records, cache, parallel work, intervals, rotations."""
+"""Foundations of every room: errors, provenance, records, cache, parallel work, intervals, rotations."""

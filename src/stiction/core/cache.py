@@ -1,7 +1,7 @@
-"""One cache for results of minutes or hours; its entries are files, folders, or lines of a ledger.
+"""Cache for results that take minutes or hours; an entry is a file, a folder, or a line of a ledger.
 
-The key of an entry is the SHA-256 of everything that it depends on: settings, digests of its inputs, code and versions
-of packages. An entry is written under another name, synced, and renamed: a partial one is never read.
+The key of an entry is the SHA-256 of everything it depends on: settings, digests of its inputs, code and versions of
+packages. An entry is written under a temporary name, synced and renamed, so that a partial one is never read.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from stiction.core.files import digest_of, open_text, publish, read_bounded, unw
 from stiction.core.provenance import fingerprint
 
 ENTRY = "entry.json"
-"""File of a folder that is an entry: its key, what it is, for people, and the digest of each other file."""
+"""File that makes a folder an entry: its key, a readable label, and the digest of every other file."""
 
 
 def key_of(inputs: Any, *code: str) -> str:
     """Return the key of an entry.
 
-    `inputs`: everything that it depends on beside code and packages, plain data or frozen dataclasses; `code`: as of
-    `fingerprint`, without any, code and packages do not count.
+    `inputs`: everything it depends on apart from code and packages, plain data or frozen dataclasses; `code`: patterns
+    of `fingerprint`; without any, code and packages do not count.
     """
     everything = [inputs, fingerprint(*code) if code else None]
     # The text of a frozen dataclass names every field: a field that is new, or has another value, makes another key.
@@ -35,13 +35,13 @@ def key_of(inputs: Any, *code: str) -> str:
 
 
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:
-    """Return the `sealed` JSON object in a file that names its own `key`; None where it is another's, or altered."""
-    found = read_sealed(file)
-    return found if found is not None and found.get("key") == key else None
+    """Return the `sealed` JSON object in a file; None where its `key` differs, it was altered, or no file exists."""
+    entry = read_sealed(file)
+    return entry if entry is not None and entry.get("key") == key else None
 
 
 def read_sealed(file: Path) -> dict[str, Any] | None:
-    """Return the `sealed` JSON object in a file; None where there is none, or it was altered."""
+    """Return the `sealed` JSON object in a file; None where no file exists or it was altered."""
     try:
         return opened(json.loads(read_bounded(file, "an entry", FileError, LARGEST)))
     # Brackets within brackets without end are a RecursionError, from the reader of JSON itself.
@@ -50,9 +50,9 @@ def read_sealed(file: Path) -> dict[str, Any] | None:
 
 
 def has_entry(folder: Path, key: str) -> bool:
-    """Say whether a folder is the entry of a key, and each of its files the one that was written."""
-    found = read_entry(folder / ENTRY, key)
-    files = None if found is None else found.get("files")
+    """Return whether a folder is the entry of a key and every file in it is unaltered."""
+    entry = read_entry(folder / ENTRY, key)
+    files = None if entry is None else entry.get("files")
     try:
         return isinstance(files, dict) and digests(folder, files) == files
     except OSError:
@@ -82,14 +82,14 @@ DIGEST = "entry_sha256"
 
 
 def sealed(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return an entry with the digest of everything else in it: a number that was changed shows."""
+    """Return an entry with the digest of all its other values, which shows later changes."""
     # As it will be read: keys are text by then, and sorted as such.
     plain = json.loads(json.dumps(entry, allow_nan=False))
     return plain | {DIGEST: hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()}
 
 
 def opened(entry: Any) -> dict[str, Any] | None:
-    """Return an entry without its digest; None where that is another's, or there is none."""
+    """Return an entry without its digest; None where the digest is missing or wrong."""
     if not isinstance(entry, dict) or DIGEST not in entry:
         return None
     bare = {name: value for name, value in entry.items() if name != DIGEST}
@@ -100,14 +100,14 @@ def opened(entry: Any) -> dict[str, Any] | None:
 
 
 class Ledger:
-    """Many small entries in one growing file, a line of JSON each, with its digest.
+    """Many small entries in one growing file: one line of JSON each, with its digest.
 
-    A line that a kill cut off is dropped. One that was altered, or contradicts another of the same key, does not count;
-    a warning names it.
+    A line cut off by a kill is dropped. Altered lines, and lines that contradict another one of the same key, are
+    ignored with a warning.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read every whole line of the file, if there is one. Raises `FileError` where it cannot be read."""
+        """Read every complete line of the file, if it exists. Raises `FileError` where it cannot be read."""
         self._path = path
         self._entries: dict[str, dict[str, Any]] = {}
         try:
@@ -131,20 +131,20 @@ class Ledger:
             elif self._entries.setdefault(entry["key"], entry) != entry:
                 twice.add(entry["key"])
                 wrong.append(number)
-        # Which of two that contradict each other is true, nobody knows: neither counts.
+        # Neither of two contradicting entries can be trusted.
         for key in twice:
             del self._entries[key]
         if wrong:
             more = f" and {len(wrong) - MOST_LINES} more" if len(wrong) > MOST_LINES else ""
             lines = f"line{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong[:MOST_LINES]))}{more}"
             warnings.warn(
-                f"{path}: {lines} damaged, altered, contradicted, or without a digest as of an older version; what "
-                "they say does not count and is made anew",
+                f"{path}: {lines} damaged, altered, contradicted, or without a digest (older version); their results "
+                "are computed again",
                 stacklevel=2,
             )
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """Return the entry of a key; None where there is none."""
+        """Return the entry of a key, or None."""
         return self._entries.get(key)
 
     def extend(self, entries: Sequence[dict[str, Any]]) -> None:
@@ -164,6 +164,6 @@ class Ledger:
 
 
 LARGEST = 2**28
-"""Bytes of an entry that are read."""
+"""Maximum size of an entry [B]."""
 
 MOST_LINES = 5

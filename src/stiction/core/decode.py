@@ -1,4 +1,4 @@
-"""Decode plain data, as JSON and YAML have it, into dataclasses; an error names the field by its whole path."""
+"""Decoder of plain data, from JSON or YAML, into dataclasses; errors name the field by its full path."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from stiction.core.errors import FileError, StictionError, nearest
 T = TypeVar("T")
 
 LARGEST = 1e300
-"""Size from which a number of a file counts as none; an integer has its bound where it is used."""
+"""Bound of the numbers in a file; integers have their bounds where they are used."""
 
 WORDS = {str: "text", bool: "true or false", int: "a whole number"}
-"""Type -> what a message calls it."""
+"""Type -> its name in messages."""
 
 
 @cache
@@ -36,11 +36,11 @@ def from_plain(
     error: type[StictionError] = FileError,
     required: Collection[str] = (),
 ) -> T:
-    """Return the dataclass `kind` of what `asdict` made of it, perhaps through JSON; a missing field has its default.
+    """Return the dataclass `kind` from what `asdict` made of it, perhaps through JSON; a missing field has its default.
 
     Objects become dataclasses and mappings, lists tuples, whole numbers floats, as the fields are declared; numbers are
-    finite. required: fields that must be there although they have a default. Raises `error` naming the first field
-    that is of another type, missing, or unknown, with the nearest.
+    finite. required: fields that must be present although they have a default. Raises `error` naming the first field
+    that has another type, is missing, or is unknown (with the nearest name).
     """
     if not isinstance(data, dict):
         raise error(f"{where} is {short(data)}; expected the fields of {kind.__name__}")
@@ -56,7 +56,9 @@ def from_plain(
 
 
 def value_of(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any:
-    """Return a plain value as a declared type of a field, text as a path; raise `error` naming where it is another."""
+    """Return a plain value as the declared type of a field, text as a path; raise `error`, naming `where`,
+    otherwise.
+    """
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return value
@@ -112,13 +114,13 @@ def _alike(kind: Any, value: Any) -> bool:
 
 
 def short(value: Any) -> str:
-    """Return the beginning of a value as text, for messages."""
+    """Return a value as text, truncated for error messages."""
     # An integer of thousands of digits has no text.
     return "a huge integer" if isinstance(value, int) and abs(value) >= LARGEST else str(value)[:60]
 
 
 def is_number(value: object, largest: float = sys.float_info.max) -> bool:
-    """Return whether a value is a number between plus and minus `largest`, and not a bool; JSON's may be endless."""
+    """Return whether a value is a number between -`largest` and `largest`, and not a bool; JSON's may be infinite."""
     return isinstance(value, int | float) and not isinstance(value, bool) and -largest < value < largest
 
 

@@ -1,4 +1,4 @@
-"""Check vectorised environments: randomised values change over their declared range, and dry friction holds joints."""
+"""Checks of vectorised environments: randomised values cover their declared range, and dry friction holds joints."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ Range = tuple[float, float]
 """Lowest and highest value."""
 
 LEAST_SHARE = 0.05
-"""Least share of its range that a value which acts must cover, linear or logarithmic [1]."""
+"""Minimum share of its range that an acting value covers, linear or logarithmic [1]."""
 LEAST_DRAWS = 6
-"""Draws from which on the covered share is judged: of six uniform ones it is below 5 % twice in a million."""
+"""Minimum draws to judge the covered share: with six uniform ones it is below 5 % twice in a million."""
 
 HOLDING = 0.8
-"""Torque over dry friction that a joint must hold [1]."""
+"""Torque over dry friction under which a joint must hold [1]."""
 CREEP = 1e-2
-"""Largest motion of a joint that holds [rad] or [m]: in 1 s MuJoCo's stiffest rows of friction creep 1 to 6 mrad on Go1
-and G1, by the torque over the inertia (`FRICTION_D0`), and its own rows more than 20."""
+"""Maximum motion of a holding joint [rad] or [m]: in 1 s MuJoCo's stiffest rows of friction creep 1 to 6 mrad on Go1
+and G1, by the torque over the inertia (`FRICTION_D0`), and its default rows more than 20."""
 
 
 @dataclass(frozen=True)
 class Draw:
-    """What was seen of one randomised value."""
+    """Observations of one randomised value."""
 
     name: str
     declared: Range | None
-    """Range that was declared; None where none is known."""
+    """Declared range; None where unknown."""
     seen: Range | None
-    """Lowest and highest value over worlds, resets and entries; None where there was no number."""
+    """Lowest and highest value over worlds, resets and entries; None without any number."""
     still: tuple[int, ...]
-    """Entries (joints, geometries) that never changed, or over less than 5 % of the range, by their number in an array
+    """Entries (joints, geometries) that never changed, or by less than 5 % of the range: their numbers in an array
     without its first dimension."""
     verdict: str
-    """`acts`, `constant, as declared`, or what is wrong."""
+    """`acts`, `constant, as declared`, or the fault."""
     ok: bool
 
 
@@ -151,7 +151,7 @@ class Hold:
 
     name: str
     friction: float
-    """Dry friction, the largest over worlds [N m]."""
+    """Dry friction, maximum over worlds [N m]."""
     moved: float
     """Largest distance from the first position, over worlds and steps [rad]; infinite where it is not-a-number."""
     ok: bool

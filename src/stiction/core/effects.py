@@ -32,7 +32,7 @@ class Need:
     parts: Sequence[str]
     """Nested options that have the requirement; by default all of them."""
     but: Sequence[str]
-    """Nested options that have not."""
+    """Nested options without the requirement."""
 
 
 def needs(
@@ -43,8 +43,8 @@ def needs(
 
 
 def all_of(*each: dict[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a field with several requirements, the most important one first."""
-    return {"needs": tuple(need for one in each for need in one["needs"])}
+    """Return the metadata of a field with several requirements, the most important first."""
+    return {"needs": tuple(need for group in each for need in group["needs"])}
 
 
 def excludes(*flags: str, but: Sequence[str] = ()) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def excludes(*flags: str, but: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def requirement(option: str, needed: str) -> str:
-    """Return the message for an option without what it requires."""
+    """Return the message for an option whose required option is missing."""
     return f"{option} requires {needed}; add {needed} or remove {option}"
 
 
@@ -63,9 +63,10 @@ def exclusion(option: str, other: str) -> str:
 
 
 def check_effects(options: Any, *defaults: Any) -> None:
-    """Raise `ConfigurationError` for the first changed option that lacks another one, or is excluded by it.
+    """Raise `ConfigurationError` for the first changed option that lacks a required option, or is excluded by another.
 
-    defaults: unchanged options of the same dataclass, from all of which a changed one differs; by default its fields'.
+    defaults: unchanged options of the same dataclass; an option is changed if it differs from all of them. By default:
+    the fields' defaults.
     """
     table = {entry.path: entry for entry in entries(type(options))}
     names = {path: {entry.name, flag_of(entry.key)} for path, entry in table.items()}
@@ -73,7 +74,7 @@ def check_effects(options: Any, *defaults: Any) -> None:
     for path, owner, field in _declared(options):
         for need in field.metadata.get("needs", ()):
             parts, but = ([f"{path}.{part}" for part in some] for some in (need.parts, need.but))
-            lacking = [one for one in changed if _within(one, parts or [path]) and not _within(one, but)]
+            lacking = [name for name in changed if _within(name, parts or [path]) and not _within(name, but)]
             if lacking and not (_is_met(options, need.text, changed, names) if need.met is None else need.met(owner)):
                 raise ConfigurationError(requirement(_typed(table, lacking[0]), need.text))
         excluded = field.metadata.get("excludes", lambda names: False)
@@ -83,7 +84,7 @@ def check_effects(options: Any, *defaults: Any) -> None:
 
 
 def _declared(options: Any, place: str = "") -> Iterator[tuple[str, Any, Field[Any]]]:
-    """Yield path, owner and field of every option, groups before what is nested in them."""
+    """Yield path, owner and field of every option, groups before their nested options."""
     for field in fields(options):
         path, value = place + field.name, getattr(options, field.name)
         yield path, options, field
@@ -92,7 +93,7 @@ def _declared(options: Any, place: str = "") -> Iterator[tuple[str, Any, Field[A
 
 
 def _within(name: str, groups: Sequence[str]) -> bool:
-    """Return whether a flag or path is one of others, or nested in it."""
+    """Return whether a flag or path is in a list of paths, or nested in one of them."""
     return any(name == group or name.startswith(f"{group}.") for group in groups)
 
 
@@ -111,16 +112,16 @@ def _typed(table: dict[str, Entry], path: str) -> str:
 
 
 def changed_options(options: Any, *defaults: Any, place: str = "") -> Iterator[str]:
-    """Yield the paths of options that differ from all their defaults; required ones have none.
+    """Yield the paths of options that differ from all their defaults; required options have none.
 
     place: path of the options themselves.
     """
     for field in fields(options):
         now, name = getattr(options, field.name), place + field.name
-        before = [getattr(one, field.name) for one in defaults] or [default_of(field)]
+        before = [getattr(old, field.name) for old in defaults] or [default_of(field)]
         if is_dataclass(now) and not isinstance(now, type):
-            yield from changed_options(now, *(one for one in before if type(one) is type(now)), place=f"{name}.")
-        elif all(one is not MISSING and now != one for one in before):
+            yield from changed_options(now, *(old for old in before if type(old) is type(now)), place=f"{name}.")
+        elif all(old is not MISSING and now != old for old in before):
             yield name
 
 

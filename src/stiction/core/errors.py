@@ -1,4 +1,4 @@
-"""The family of errors that a user can act on, and the sentence for a name that there is not."""
+"""User-facing exceptions, and the "unknown name; did you mean …?" message."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from difflib import get_close_matches
 from typing import Any
 
 UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
-"""Characters that steer a terminal, hide, turn the direction of the text, or are none at all."""
+"""Characters that steer a terminal, are invisible, turn the direction of the text, or are not assigned."""
 
 
 def escaped(text: str) -> str:
-    """Return a text whose `UNSAFE` characters are written out, as JSON does: what a file says must not do anything."""
-    return UNSAFE.sub(lambda found: json.dumps(found[0])[1:-1], text)
+    """Return a text with its `UNSAFE` characters written out, as in JSON: no file may steer the terminal."""
+    return UNSAFE.sub(lambda match: json.dumps(match[0])[1:-1], text)
 
 
 def one_line(text: str) -> str:
@@ -23,10 +23,10 @@ def one_line(text: str) -> str:
 
 
 class StictionError(Exception):
-    """A failure that the user can act on: what came, what was expected, what to do, in one line.
+    """Failure that the user can act on, in one line: what came, what was expected, what to do.
 
-    The command line prints the message on standard error and exits with status 1. Unprintable characters, such as of a
-    name in a file, are escaped.
+    The command line prints the message on standard error and exits with status 1. Unprintable characters, for example
+    in a name read from a file, are escaped.
     """
 
     def __init__(self, message: str) -> None:
@@ -34,77 +34,79 @@ class StictionError(Exception):
 
 
 class ConfigurationError(StictionError):
-    """Raised for options or settings that cannot be run, contradict each other, or name what there is not."""
+    """Options or settings that cannot be run, contradict each other, or name something unknown."""
 
 
 class FileError(StictionError):
-    """Raised for a file or folder that cannot be read or written, or does not hold what was asked of it."""
+    """File or folder that cannot be read or written, or lacks the expected content."""
 
 
 class UnwrittenError(FileError):
-    """Raised for a file or folder that cannot be written; what it held before is unchanged."""
+    """File or folder that cannot be written; its content is unchanged."""
 
 
 class LogError(FileError):
-    """Raised for a log, of joints or of a walk, that cannot be read or does not hold what was asked of it."""
+    """Log of joints or of a walk that cannot be read, or lacks the expected content."""
 
 
 class BundleError(FileError):
-    """Raised for a policy bundle that is incomplete, damaged or altered, in any of its files."""
+    """Policy bundle that is incomplete, damaged or altered, in any of its files."""
 
 
 class PolicyError(StictionError):
-    """Raised for a policy that cannot act as asked: its network fails, or its inputs are none to act on."""
+    """Policy that cannot act: its network fails, or its inputs are not valid."""
 
 
 class RobotError(StictionError):
-    """Raised for a robot that is unknown, contradicts itself, or is not the one that was expected."""
+    """Robot that is unknown, contradicts itself, or is not the expected one."""
 
 
 class EngineError(StictionError):
-    """Raised for a physics engine or renderer that is unknown, is not installed, cannot do this, or gave up."""
+    """Physics engine or renderer that is unknown, not installed, unable to do this, or failed."""
 
 
 class TrainingError(StictionError):
-    """Raised for a training run that diverged, was stopped, is not finished, or cannot be continued."""
+    """Training run that diverged, was stopped, is not finished, or cannot be continued."""
 
 
 MOST_NAMES = 24
-"""Names that a message lists: the joints of a legged robot, and kinds of them."""
+"""Maximum number of names in a message: the joints of a legged robot, and kinds of them."""
 
 
 SIMILAR = 0.6
-"""Least similarity of a word and a slip of it, by difflib and without the dashes of flags."""
+"""Minimum similarity of a misspelt word, by difflib and without the dashes of flags."""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return `; did you mean 'hip'?` with the nearest of the known words, nothing where none is near."""
-    found = closest(word, known)
-    return "" if found is None else f"; did you mean {found!r}?"
+    """Return `; did you mean 'hip'?` with the nearest of the known words, or an empty text."""
+    match = closest(word, known)
+    return "" if match is None else f"; did you mean {match!r}?"
 
 
 def closest(word: str, known: Iterable[str]) -> str | None:
-    """Return the nearest of the known words, None where none is near."""
+    """Return the nearest of the known words, or None."""
     names, bare = {name.lstrip("-"): name for name in known}, word.lstrip("-")
     # Letters of the wrong case are no near match to difflib where a word is short.
     same = [name for name in names if name.lower() == bare.lower()]
-    found = same or get_close_matches(bare, names, n=1, cutoff=SIMILAR)
-    return names[found[0]] if found else None
+    matches = same or get_close_matches(bare, names, n=1, cutoff=SIMILAR)
+    return names[matches[0]] if matches else None
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
-    """Return the message for an unknown name of a kind of thing (`what`: such as `robot`), with the nearest."""
+    """Return the message for an unknown name of a kind (`what`: such as `robot`), with the nearest known one."""
     names = list(known)
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     listed = ", ".join(names[:MOST_NAMES]) or "none"
     return f"unknown {what} {name!r}{nearest(name, names) or ';'} known: {listed}{more}"
 
 
-def check_once(what: str, given: Sequence[Any], least: int = 1, same: Callable[[Any], Any] = lambda one: one) -> None:
-    """Raise `ConfigurationError` where something was given twice, or there are less than `least`, 0 or 1.
+def check_once(
+    what: str, values: Sequence[Any], least: int = 1, same: Callable[[Any], Any] = lambda value: value
+) -> None:
+    """Raise `ConfigurationError` for values given twice, or for fewer than `least` of them, 0 or 1.
 
-    what: such as `levels`; same: of what was given, what it means, where that can be said in two ways.
+    what: name of the option, such as `levels`; same: function that maps spellings of one value to the same key.
     """
-    if len({same(one) for one in given}) < len(given) or len(given) < least:
+    if len({same(value) for value in values}) < len(values) or len(values) < least:
         few = "at least one, " if least else ""
-        raise ConfigurationError(f"{what} {' '.join(map(str, given)) or 'none'}: expected {few}each once")
+        raise ConfigurationError(f"{what}: got {' '.join(map(str, values)) or 'none'}, expected {few}each once")

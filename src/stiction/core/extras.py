@@ -1,4 +1,4 @@
-"""The extras that an installation may have, and how to add one to it: from where it came, which may be no index."""
+"""Extras of an installation, and the command that adds one from the source of the installation."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ EXTRAS = {
     "view": (*SIM, "viser", "mjviser"),
     "mjlab": ("mjlab",),
 }
-"""Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""
+"""Extra -> the packages that it brings, by import name; the smallest extra of a package comes first."""
 
 OLDEST = {"mujoco": ("MuJoCo", "4.0"), "rsl_rl": ("rsl_rl", "5.5")}
-"""Package -> its name and the oldest version that our simulation and training run with; mjlab 1.6 pins older ones."""
+"""Package -> its name and the oldest version that simulation and training run with; mjlab 1.6 pins older ones."""
 
 DISTRIBUTIONS = {"rsl_rl": "rsl-rl-lib"}
-"""Package -> the distribution that has it, where that has another name."""
+"""Package -> its distribution, where the names differ."""
 
 EXPERIMENTS = "stiction-experiments"
 """Distribution of the experiments and of the methods of other papers."""
@@ -44,17 +44,17 @@ Returned = TypeVar("Returned")
 
 
 def extra_of(package: str) -> str | None:
-    """Return the extra that brings a package, None where none does."""
+    """Return the extra that brings a package, or None."""
     return next((extra for extra, packages in EXTRAS.items() if package in packages), None)
 
 
 def missing(extra: str) -> tuple[str, ...]:
-    """Return the packages of an extra that are not installed; none of them is imported."""
+    """Return the packages of an extra that are not installed, without importing any."""
     return tuple(package for package in EXTRAS[extra] if not is_installed(package))
 
 
 def is_installed(package: str) -> bool:
-    """Return whether a package can be found."""
+    """Return whether a package is installed."""
     try:
         return importlib.util.find_spec(package) is not None
     except (ModuleNotFoundError, ValueError):  # something else forbids it, or it is half loaded
@@ -62,10 +62,7 @@ def is_installed(package: str) -> bool:
 
 
 def require(extra: str) -> None:
-    """Refuse to begin where packages of an extra are missing or too old: in one line, before any work is done.
-
-    Raises `ConfigurationError` with how to install them.
-    """
+    """Raise `ConfigurationError`, with the command to install, where packages of an extra are missing or too old."""
     if (old := outdated(extra)) is not None:
         raise ConfigurationError(old)
     if lacking := missing(extra):
@@ -76,7 +73,7 @@ def require(extra: str) -> None:
 
 
 def outdated(extra: str = "sim") -> str | None:
-    """Return which package of an extra is older than needed, and how to have both versions; None where none is."""
+    """Return the package of an extra that is too old, and how to have both versions; None if all are recent enough."""
     for package, (name, oldest) in OLDEST.items():
         if package not in EXTRAS[extra]:
             continue
@@ -96,9 +93,9 @@ def outdated(extra: str = "sim") -> str | None:
 
 
 def remedy(extra: str) -> str:
-    """Return what to do to have an extra: the command that installs it from where this installation came.
+    """Return the command that installs an extra, from the source of this installation.
 
-    mjlab, and what needs another MuJoCo than mjlab's beside it, get an environment of their own.
+    mjlab, and everything that needs another MuJoCo than mjlab's, gets a separate environment.
     """
     if (old := outdated(extra)) is not None:
         return old
@@ -109,23 +106,23 @@ def remedy(extra: str) -> str:
 
 
 def installed_by() -> str:
-    """Return the program that installed the package: `pip`, which is also said where nobody knows, or `uv`."""
+    """Return the program that installed the package: `uv`, or `pip`, also where it is unknown."""
     return "uv" if (_noted("INSTALLER") or "").strip() == "uv" else "pip"
 
 
 def installed_from() -> dict[str, Any] | None:
-    """Return what the installer noted of where the package came from (PEP 610).
+    """Return the installer's record of the package's source (PEP 610).
 
-    None where it came by name, from an index; empty where no installer put it there.
+    None for a package from an index; empty where no installer recorded anything.
     """
     noted = _noted("direct_url.json")
     if noted is None:
         return None if _noted("INSTALLER") else {}
     try:
-        found = json.loads(noted)
+        origin = json.loads(noted)
     except ValueError:
         return {}
-    return found if isinstance(found, dict) else {}
+    return origin if isinstance(origin, dict) else {}
 
 
 def _noted(file: str) -> str | None:
@@ -136,11 +133,11 @@ def _noted(file: str) -> str | None:
 
 
 def install_command(extra: str, origin: dict[str, Any] | None, installer: str = "pip", part: str = "") -> str:
-    """Return the command that adds an extra; with `part`, another distribution of the same source, such as experiments.
+    """Return the command that adds an extra; `part`: another distribution of the same source, such as the experiments.
 
-    origin: as in `direct_url.json` (a folder, a file, a repository); None: an index; empty: nobody knows, so the
-    command is one for the checkout. installer: `pip` or `uv`, whose environments have no pip; to what `uvx` runs in
-    nothing can be added, so the command that runs it anew with the extra is told too.
+    origin: as in `direct_url.json` (a folder, a file, a repository); None: an index; empty: unknown, so the command is
+    one for the checkout. installer: `pip` or `uv`, whose environments have no pip; nothing can be added to the
+    environment of `uvx`, so the command that runs it again with the extra is named too.
     """
     option, requirement, where = _requirement(f"[{extra}]" if extra else "", origin, part)
     if installer == "uv":
@@ -150,7 +147,7 @@ def install_command(extra: str, origin: dict[str, Any] | None, installer: str = 
 
 
 def _requirement(extra: str, origin: dict[str, Any] | None, part: str) -> tuple[str, str, str]:
-    """Return an option before what is to be installed, that itself as a word of the shell, and what to say after it."""
+    """Return three parts of the command: an option, the requirement quoted for the shell, and a remark after it."""
     name = f"stiction-{part}" if part else "stiction"
     if origin is None:
         return "", shlex.quote(f"{name}{extra}"), ""
@@ -168,17 +165,17 @@ def _requirement(extra: str, origin: dict[str, Any] | None, part: str) -> tuple[
 
 
 def experiments_remedy(extra: str = "") -> str:
-    """Return what to do to have the experiments, with an extra of theirs."""
+    """Return the command that installs the experiments, with one of their extras."""
     return f"install it with: {install_command(extra, installed_from(), installed_by(), 'experiments')}"
 
 
 def without_experiments(what: str) -> str:
-    """Return the message for a verb or method (`what`) whose distribution is not installed."""
+    """Return the message for a verb or method (`what`) of a distribution that is not installed."""
     return f"{what} needs {EXPERIMENTS}, which is not installed; {experiments_remedy()}"
 
 
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
-    """Return what to install for a missing package; None where no extra has it. what: the feature that needs it."""
+    """Return the command for a missing package; None where no extra has it. what: the feature that needs it."""
     extra = extra_of((error.name or "").split(".")[0])
     if extra is None:
         return None
@@ -188,17 +185,17 @@ def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
     return f"the package {error.name!r} is not installed; {what} needs the extra {extra!r}; {remedy(extra)}"
 
 
-def says_what_is_missing(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
-    """Have a function raise `ConfigurationError`, with what to install, where the package of an extra is missing."""
+def explain_missing(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
+    """Decorate a function to raise `ConfigurationError` with the command to install, where an extra is missing."""
 
     @wraps(function)
     def called(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Returned:
         try:
             return function(*args, **kwargs)
         except ModuleNotFoundError as error:
-            said = missing_extra(error, f"stiction.{function.__name__}")
-            if said is None:
+            message = missing_extra(error, f"stiction.{function.__name__}")
+            if message is None:
                 raise
-            raise ConfigurationError(said) from error
+            raise ConfigurationError(message) from error
 
     return called

@@ -1,6 +1,6 @@
-"""How files are written, whole under their name or not at all, and how those of others are opened: bounded, no pipe.
+"""Atomic writing of files, and bounded reading of files from others, pipes refused.
 
-What is written goes under another name, is synced, and renamed.
+Files are written under a temporary name, synced and renamed.
 """
 
 from __future__ import annotations
@@ -19,17 +19,16 @@ from typing import BinaryIO, TextIO
 
 from stiction.core.errors import ConfigurationError, StictionError, UnwrittenError, nearest
 
-MOST_BESIDE = 1000
-"""Files of a folder among which the nearest name is looked for."""
+MOST_SIBLINGS = 1000
+"""Maximum number of files in a folder that are compared for the nearest name."""
 
 
 @contextmanager
 def publish(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write a file or a folder to, which then replaces `path` atomically.
+    """Yield a temporary path next to `path` to write a file or a folder to, which then replaces `path` atomically.
 
-    Where the writing fails, `path` stays as it was. A link in its place is replaced, not followed: a folder from others
-    may hold one. Raises `UnwrittenError`, with what the system said, where something cannot be written, or what it is
-    made from cannot be read.
+    On failure `path` stays unchanged. A link in its place is replaced, not followed: a folder from others may hold one.
+    Raises `UnwrittenError`, with the system's message, where something cannot be written, or an input cannot be read.
     """
     # In the same folder, since only within one file system is a rename atomic; with the number of the process, since
     # two may write at once.
@@ -43,7 +42,7 @@ def publish(path: Path) -> Iterator[Path]:
             _sync(written)
         if path.is_dir() and not partial.is_dir() and not path.is_symlink():
             # All that is in it would go for one file.
-            raise IsADirectoryError(errno.EISDIR, "it is a folder, and a file was to be written", str(path))
+            raise IsADirectoryError(errno.EISDIR, "is a folder; expected a file", str(path))
         if path.is_dir():
             # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
             path.rename(before)
@@ -66,25 +65,25 @@ def publish(path: Path) -> Iterator[Path]:
 
 
 LONGEST = 200
-"""Bytes of a name that leave room, of the 255 that a file system allows, for what the one beside it has more."""
+"""Maximum length of a name [B]: leaves room, of the 255 of a file system, for the suffix of the temporary file."""
 
 
 def unwritten(path: Path, error: OSError, partial: Path | None = None) -> UnwrittenError:
-    """Return the error for a file that cannot be written; partial: the path that it was written to."""
-    said = error.strerror or str(error)
+    """Return the error for a file that cannot be written; partial: its temporary path."""
+    cause = error.strerror or str(error)
     name = str(error.filename or "")
     if name and name != str(path) and (partial is None or not name.startswith(str(partial))):
-        said = f"{name}: {said}"
-    return UnwrittenError(f"{path} cannot be written: {said}; choose another --out, or make room")
+        cause = f"{name}: {cause}"
+    return UnwrittenError(f"{path} cannot be written: {cause}; choose another --out, or make room")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text, whole or not at all. Raises `UnwrittenError` as `publish`."""
+    """Write a text atomically. Raises `UnwrittenError` as `publish`."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all. Raises `UnwrittenError` as `publish`."""
+    """Write a file atomically. Raises `UnwrittenError` as `publish`."""
     if path.exists() and not path.is_file() and not path.is_dir():
         # A device, such as /dev/stdout, is nothing to rename over; a pipe that nobody reads must not be waited for.
         try:
@@ -101,21 +100,21 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 @contextmanager
 def published(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file to write bytes to, which then replaces `path`. Raises `UnwrittenError` as `publish`."""
+    """Yield a binary file to write, which then replaces `path`. Raises `UnwrittenError` as `publish`."""
     with publish(path) as partial, partial.open("wb") as file:
         yield file
 
 
 def keep_inputs(out: Path, *inputs: Path) -> None:
-    """Refuse to write a file over one of those that it is made from, under whatever name it goes."""
-    for given in inputs:
-        if given.exists() and (out.resolve() == given.resolve() or (out.exists() and out.samefile(given))):
-            named = "" if out == given else f" as {out}"
-            raise ConfigurationError(f"{given} would be overwritten{named}, and is read; choose another --out")
+    """Raise `ConfigurationError` where an output would overwrite one of its inputs, also through another name of it."""
+    for source in inputs:
+        if source.exists() and (out.resolve() == source.resolve() or (out.exists() and out.samefile(source))):
+            named = "" if out == source else f" as {out}"
+            raise ConfigurationError(f"{source} is an input and would be overwritten{named}; choose another --out")
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may have no end, or never begin."""
+    """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may never end."""
     # Without O_NONBLOCK, to open a pipe would wait for its writer. The kind is asked of what is open: under the name
     # there could be another file by now.
     number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -124,11 +123,13 @@ def open_regular(path: Path) -> BufferedReader:
         return os.fdopen(number, "rb")
     os.close(number)
     code = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
-    raise OSError(code, os.strerror(code) if stat.S_ISDIR(mode) else "it is a pipe or a device, no file", str(path))
+    raise OSError(
+        code, os.strerror(code) if stat.S_ISDIR(mode) else "is a pipe or a device; expected a file", str(path)
+    )
 
 
 def open_text(path: Path) -> TextIO:
-    """Open a file of UTF-8 to read lines as they are, for `csv`. Raises `OSError` as `open_regular`."""
+    """Open a UTF-8 file to read lines unchanged, for `csv`. Raises `OSError` as `open_regular`."""
     return TextIOWrapper(open_regular(path), encoding="utf-8", newline="")
 
 
@@ -139,7 +140,7 @@ def digest_of(path: Path) -> str:
 
 
 def read_bounded(path: Path, expected: str, error: type[StictionError], most: int) -> bytes:
-    """Return the content of a file of at most `most` bytes; raise `error`, which names what was `expected`, else."""
+    """Return the content of a file of at most `most` bytes; raise `error`, naming what was `expected`, otherwise."""
     try:
         with open_regular(path) as file:
             # Read and not asked for its size: a file may grow meanwhile. One byte too many says that it is too large.
@@ -152,18 +153,18 @@ def read_bounded(path: Path, expected: str, error: type[StictionError], most: in
 
 
 def unreadable(path: Path, fault: OSError, expected: str) -> str:
-    """Return what to say of a file that cannot be read: why, the nearest name if there is none, what was expected."""
+    """Return the message for an unreadable file: the cause, the nearest name of a missing one, what was expected."""
     return f"cannot read {path}: {fault.strerror or fault}{near_file(path) or ';'} expected {expected}"
 
 
 def near_file(path: Path) -> str:
-    """Return `; did you mean 'swing.csv'?` with the nearest name in the folder, of a file that is not there."""
+    """Return `; did you mean 'swing.csv'?` with the nearest name in the folder of a missing file."""
     try:
-        beside = [] if path.exists() else [*islice(path.parent.iterdir(), MOST_BESIDE)]
+        siblings = [] if path.exists() else [*islice(path.parent.iterdir(), MOST_SIBLINGS)]
     except OSError:
-        beside = []
+        siblings = []
     # By what stands before the dot too: two names of a letter are no nearer for both ending in .json.
-    near = [entry.name for entry in beside if nearest(path.stem, [entry.stem])]
+    near = [entry.name for entry in siblings if nearest(path.stem, [entry.stem])]
     return nearest(path.name, near)
 
 

@@ -28,10 +28,10 @@ NO_PATH = "expected a path, and the empty one would be the folder that you are i
 
 @dataclass(frozen=True)
 class Form:
-    """Form in which a field is given on the command line."""
+    """Form of a field on the command line."""
 
     kind: Literal["flag", "argument", "setting", "flat", "fixed"]
-    """`flat`: the fields of this group are given as those beside it; `fixed`: nobody gives it."""
+    """`flat`: the fields of this group appear at the level of the group; `fixed`: not settable."""
     name: str = ""
     """Name of a flag, `--method`; by default the path of the field."""
     help: str = ""
@@ -43,50 +43,50 @@ FLAG, ARGUMENT, SETTING, FLAT, FIXED = (Form("flag"), Form("argument"), Form("se
 
 
 def flag(name: str = "", help: str = "", choices: Callable[[], Sequence[str]] | None = None) -> Form:
-    """Return the form of a field that is a flag; the arguments are those of `Form`."""
+    """Return the form of a flag; the arguments are those of `Form`."""
     return Form("flag", name, help, choices)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A field of options, nested or not, that somebody may give."""
+    """Field of options, nested or not, that can be set."""
 
     path: str
-    """Attributes that lead to it."""
+    """Path of attributes."""
     key: str
-    """Name for --set: the path without the groups that are flat."""
+    """Name for --set: the path without flat groups."""
     name: str
-    """`--seconds` of a flag, `BUNDLE` of an argument, empty for a setting."""
+    """`--seconds` for a flag, `BUNDLE` for an argument, empty for a setting."""
     form: Form
     kind: Any
     owner: type
     default: Any
-    """Value unless given; `MISSING` for a required field."""
+    """Default value; `MISSING` for a required field."""
 
     @property
     def typed(self) -> str:
-        """Return how it is typed, without a value."""
+        """Entry as it is typed, without a value."""
         return self.name or f"--set {self.key}"
 
     @property
     def negative(self) -> str:
-        """Return the opposite of a flag without a value, `--task.no-log` of `--task.log`."""
+        """Opposite of a switch, `--task.no-log` of `--task.log`."""
         group, dot, last = self.name.removeprefix("--").rpartition(".")
         return f"--{group}{dot}no-{last}"
 
     @property
     def heading(self) -> str:
-        """Return the group that it is shown in."""
+        """Heading of its group in the help."""
         return self.key.rpartition(".")[0].removeprefix("task.") or "options"
 
     @property
     def meaning(self) -> str:
-        """Return its documentation, with the unit."""
+        """Documentation, with the unit."""
         return self.form.help or documentation(self.owner).get(self.path.rpartition(".")[2], "")
 
     @property
     def choices(self) -> list[str]:
-        """Return the words that it takes; none where it takes any."""
+        """Accepted words; empty where any word is accepted."""
         kinds = self.values[0]
         if self.form.choices is not None:
             return [*self.form.choices()]
@@ -96,7 +96,7 @@ class Entry:
 
     @property
     def values(self) -> tuple[list[Any], bool]:
-        """Return the types of the words of its value, and whether they may come any number of times."""
+        """Types of the words of its value, and whether they may be repeated."""
         kind = optional(self.kind)[0]
         if get_origin(kind) is not tuple:
             return [kind], False
@@ -107,7 +107,7 @@ class Entry:
 
     @property
     def switch(self) -> bool:
-        """Return whether it is a flag without a value, `--log` or `--no-log`."""
+        """True if it is a flag without a value, `--log` or `--no-log`."""
         return self.kind is bool
 
 
@@ -119,7 +119,7 @@ def optional(kind: Any) -> tuple[Any, bool]:
 
 
 def default_of(field: Field[Any]) -> Any:
-    """Return the default of a field, `MISSING` without one."""
+    """Return the default of a field, or `MISSING`."""
     return field.default if field.default_factory is MISSING else field.default_factory()
 
 
@@ -129,15 +129,15 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def entries(kind: type, options: Any = MISSING) -> list[Entry]:
-    """Return all fields of an options dataclass that can be given, nested ones included, in their order.
+    """Return all settable fields of an options dataclass, nested ones included, in their order.
 
-    options: instance that holds the defaults; without it they are those of the fields.
+    options: instance that holds the defaults; without it, those of the fields.
     """
     return [*_entries(kind, options, "", "", True)]
 
 
 def _entries(kind: type, options: Any, path: str, key: str, flat: bool) -> Iterator[Entry]:
-    """Yield the fields at and under a place. flat: fields are flags unless they say otherwise."""
+    """Yield the fields at and under a place. flat: fields are flags unless they declare another form."""
     for field in fields(kind):
         hint = _hints(kind)[field.name]
         form = next((item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Form)), None)
@@ -150,23 +150,23 @@ def _entries(kind: type, options: Any, path: str, key: str, flat: bool) -> Itera
             below = key if form is FLAT else f"{key}{field.name}."
             yield from _entries(plain, default, f"{place}.", below, flat and form is FLAT)  # type: ignore[arg-type]
             continue
-        form, own = form or (FLAG if flat else SETTING), f"{key}{field.name}"
-        named = {"flag": f"--{own.replace('_', '-')}", "argument": field.name.upper(), "setting": ""}
-        yield Entry(place, own, form.name or named[form.kind], form, plain, kind, default)
+        form, full_key = form or (FLAG if flat else SETTING), f"{key}{field.name}"
+        named = {"flag": f"--{full_key.replace('_', '-')}", "argument": field.name.upper(), "setting": ""}
+        yield Entry(place, full_key, form.name or named[form.kind], form, plain, kind, default)
 
 
 @cache
 def documentation(kind: type) -> dict[str, str]:
-    """Return the docstrings of a dataclass's fields, and of those that it inherits; none without its source."""
-    found: dict[str, str] = {}
+    """Return the docstrings of a dataclass's fields, inherited ones included; empty without its source."""
+    docs: dict[str, str] = {}
     for part in reversed(kind.__mro__[:-1]):
         body = _classes(part.__module__).get(part.__qualname__, [])
         for statement, after in pairwise(body):
             if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-                said = after.value if isinstance(after, ast.Expr) else None
-                if isinstance(said, ast.Constant) and isinstance(said.value, str):
-                    found[statement.target.id] = inspect.cleandoc(said.value)
-    return found
+                docstring = after.value if isinstance(after, ast.Expr) else None
+                if isinstance(docstring, ast.Constant) and isinstance(docstring.value, str):
+                    docs[statement.target.id] = inspect.cleandoc(docstring.value)
+    return docs
 
 
 @cache
@@ -179,9 +179,9 @@ def _classes(module: str) -> dict[str, list[ast.stmt]]:
 
 
 def convert(entry: Entry, words: Sequence[str]) -> Any:
-    """Return the value of an entry that is given by words; raise `ValueError` where they are none of its kind.
+    """Return the value of an entry from words; raise `ValueError` for words of another kind.
 
-    The error has no text unless it says more than the kind.
+    The error has no text unless its cause is other than the kind.
     """
     kind, may_lack = optional(entry.kind)
     if may_lack and [*words] == ["None"]:
@@ -189,12 +189,12 @@ def convert(entry: Entry, words: Sequence[str]) -> Any:
     kinds, many = entry.values
     if not words or (len(words) % len(kinds) if many else len(words) != len(kinds)):
         raise ValueError
-    found = tuple(_scalar(kinds[number % len(kinds)], word) for number, word in enumerate(words))
+    values = tuple(_scalar(kinds[number % len(kinds)], word) for number, word in enumerate(words))
     if get_origin(kind) is not tuple:
-        return found[0]
+        return values[0]
     if many and len(kinds) > 1:
-        return tuple(found[begin : begin + len(kinds)] for begin in range(0, len(found), len(kinds)))
-    return found
+        return tuple(values[begin : begin + len(kinds)] for begin in range(0, len(values), len(kinds)))
+    return values
 
 
 def _scalar(kind: Any, word: str) -> Any:
@@ -202,14 +202,14 @@ def _scalar(kind: Any, word: str) -> Any:
         raise ValueError(NO_PATH)
     if get_origin(kind) is not Literal and kind is not bool:
         return kind(word)
-    found = [choice for choice in get_args(kind) or (True, False) if str(choice) == word]
-    if not found:
+    matches = [choice for choice in get_args(kind) or (True, False) if str(choice) == word]
+    if not matches:
         raise ValueError
-    return found[0]
+    return matches[0]
 
 
 def text_of(value: Any, setting: bool = False) -> str:
-    """Return a value as it is typed: behind a flag, or behind `--set path=`."""
+    """Return a value as typed after a flag, or after `--set path=`."""
     if isinstance(value, tuple):
         return f"[{','.join(text_of(part, True) for part in value)}]" if setting else " ".join(map(text_of, value))
     plain = {None: "null", True: "true", False: "false"}

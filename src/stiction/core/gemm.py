@@ -1,11 +1,10 @@
-"""Opt-in fast kernels of the linear algebra inside torch on processors that are not Intel's; `train` alone opens them.
+"""Opt-in fast kernels of the linear algebra inside torch on processors that are not Intel's; only `train` loads them.
 
-The MKL inside torch calls `mkl_serv_intel_cpu_true` before it chooses kernels by what the processor can do. Where the
-answer is no, it takes float32 kernels of as little as half the speed, whatever its documented variables say. So a
-library of 4 KiB that answers yes is made in memory and opened before torch. A file that appears in no directory is
-unusual, hence it is opened only where the user asks for it (`STICTION_FAST_GEMM=1`). Kernels are still chosen by the
-instructions that the processor reports. Rounding differs from that of the slow kernels, so which were active is part of
-a result.
+The MKL inside torch calls `mkl_serv_intel_cpu_true` before it chooses kernels by the processor's instructions. If it
+returns 0, MKL takes float32 kernels of as little as half the speed, whatever its documented variables say. A library of
+4 KiB that returns 1 is therefore made in memory and loaded before torch. A file that appears in no directory is
+unusual, so it is loaded only on request (`STICTION_FAST_GEMM=1`). Kernels are still chosen by the instructions that the
+processor reports. Rounding differs from that of the slow kernels, so a result records which were active.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import sys
 from pathlib import Path
 
 VARIABLE = "STICTION_FAST_GEMM"
-"""Environment variable: 1 asks for the fast path; unset or anything else leaves the linear algebra as it is."""
+"""Environment variable: 1 requests the fast path; unset or anything else leaves the linear algebra unchanged."""
 
 SYMBOL = "mkl_serv_intel_cpu_true"
 """Function that MKL calls to recognise an Intel processor."""
@@ -31,7 +30,7 @@ _opened: list[ctypes.CDLL] = []
 
 
 def fast_gemm_obstacle() -> str | None:
-    """Return why the fast path is not to be opened here, None where it is."""
+    """Return why the fast path is not opened here, or None."""
     return processor_obstacle() or (None if _requested() else f"{VARIABLE} is not 1")
 
 
@@ -40,7 +39,7 @@ def _requested() -> bool:
 
 
 def processor_obstacle(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
-    """Return why the fast path would bring nothing on this machine, None where it would."""
+    """Return why the fast path has no benefit on this machine, or None."""
     if platform.system() != "Linux" or platform.machine() != "x86_64":
         return f"nothing to do on {platform.system()} {platform.machine()}"
     try:
@@ -57,7 +56,7 @@ def processor_obstacle(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
 
 
 def open_fast_gemm() -> None:
-    """Open the fast path if the user asks for it and the processor has it. It has no effect once torch is loaded."""
+    """Load the fast kernels on request, if the processor has them. No effect once torch is loaded."""
     if _opened or "torch" in sys.modules or fast_gemm_obstacle() is not None:
         return
     try:
@@ -73,7 +72,7 @@ def open_fast_gemm() -> None:
 
 
 def gemm_path() -> str:
-    """Return which matrix products torch has in this process: `fast`, or `default` and why."""
+    """Return the kind of matrix products in this process: `fast`, or `default` with the reason."""
     if _opened:
         return "fast"
     why = fast_gemm_obstacle()

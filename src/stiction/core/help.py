@@ -1,4 +1,4 @@
-"""The help of a verb: what it does, its examples and options; and the list of all its settings."""
+"""Help of a verb (purpose, examples, options), and the list of all its settings."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any, Literal, get_origin
 from stiction.core.flags import Entry, text_of
 
 Groups = Mapping[str, Sequence[str]]
-"""Heading -> the options that people use, `--out`, in the order in which `--help` shows them."""
+"""Heading -> the common options, `--out`, in the order in which `--help` shows them."""
 
 LEFT = 30
-"""Columns of an option's name in a page."""
+"""Width of the column of option names."""
 
 KINDS: dict[Any, tuple[str, str, str]] = {
     int: ("INT", "a whole number", "whole numbers"),
@@ -23,23 +23,23 @@ KINDS: dict[Any, tuple[str, str, str]] = {
     str: ("STR", "a word", "words"),
     Path: ("PATH", "a path", "paths"),
 }
-"""Kind of value -> its name on a page, and in words: one and several."""
+"""Kind of value -> its name in the help, and in words: singular and plural."""
 
 COUNTS = ("no", "one", "two", "three", "four")
 
 
 def help_text(table: Sequence[Entry], program: str, description: str, groups: Groups, brief: bool, width: int) -> str:
-    """Return the help of a program: what it does, examples, its options.
+    """Return the help of a program: purpose, examples, options.
 
-    brief: the groups alone, a sentence an option, and of the description the first paragraph and the examples.
+    brief: only `groups`, with one sentence an option, and of the description the first paragraph and the examples.
     """
     paragraphs = description.strip().split("\n\n")
     if brief:
-        paragraphs = [one for index, one in enumerate(paragraphs) if not index or "\n  stiction " in f"\n{one}"]
+        paragraphs = paragraphs[:1] + [part for part in paragraphs[1:] if "\n  stiction " in f"\n{part}"]
     flags = {entry.name: entry for entry in table if entry.name.startswith("--")}
     arguments = [entry for entry in table if entry.form.kind == "argument"]
     usage = " ".join([f"usage: {program}", *map(named, arguments), "[options]"])
-    blocks = [usage, *(_wrapped(one, width) for one in paragraphs)]
+    blocks = [usage, *(_wrapped(paragraph, width) for paragraph in paragraphs)]
     sections = {"arguments": arguments} if arguments else {}
     sections |= {title: [flags[name] for name in names] for title, names in groups.items()}
     shown = {entry.name for section in sections.values() for entry in section}
@@ -57,7 +57,7 @@ def help_text(table: Sequence[Entry], program: str, description: str, groups: Gr
 
 
 def settings_text(table: Sequence[Entry], program: str, width: int) -> str:
-    """Return the list of everything that --set and --config take: path, kind, meaning, default, flag."""
+    """Return the list of all settings for --set and --config: path, kind, meaning, default, flag."""
     intro = (
         f"Settings of {program}: --set PATH=VALUE, with the value as YAML has it, or a YAML file of them, nested: "
         "--config FILE. Those with a flag are given by it as well."
@@ -76,7 +76,7 @@ def settings_text(table: Sequence[Entry], program: str, width: int) -> str:
 
 
 def _wrapped(paragraph: str, width: int) -> str:
-    """Return a paragraph as wide as the page; indented lines, which are commands, stay as they are."""
+    """Return a paragraph wrapped to the page; indented lines, which are commands, stay unchanged."""
     parts: list[str] = []
     for line in paragraph.split("\n"):
         if parts and not line.startswith("  ") and not parts[-1].startswith("  "):
@@ -87,7 +87,7 @@ def _wrapped(paragraph: str, width: int) -> str:
 
 
 def _line(entry: Entry, brief: bool, width: int) -> str:
-    """Return an option with what it means, the text in a column of its own."""
+    """Return an option with its meaning in the second column."""
     text = entry.meaning
     text = _with_choices(entry, f"{sentence(text).rstrip('.')}." if brief and text else text)
     default = "" if entry.default is MISSING else text_of(entry.default)
@@ -95,13 +95,13 @@ def _line(entry: Entry, brief: bool, width: int) -> str:
 
 
 def _with_choices(entry: Entry, text: str) -> str:
-    """Return a text with the words that an option takes, where it does not name them all."""
+    """Return a text with the accepted words of an option appended, unless it names them all."""
     unsaid = [choice for choice in entry.choices if not re.search(rf"\b{re.escape(choice)}\b", text)]
     return f"{text} One of {', '.join(entry.choices)}." if unsaid else text
 
 
 def columns(left: str, text: str, width: int, begin: int = LEFT) -> str:
-    """Return a name with its text in a column that begins at `begin`, below it where the name is long."""
+    """Return a name with its text in a column that begins at `begin`; a long name has its text below."""
     body = textwrap.wrap(" ".join(text.split()), width - begin, break_on_hyphens=False) or [""]
     body = [" " * begin + part for part in body]
     if len(left) < begin - 1:
@@ -110,7 +110,7 @@ def columns(left: str, text: str, width: int, begin: int = LEFT) -> str:
 
 
 def named(entry: Entry) -> str:
-    """Return an option as it is typed, with a word for each value; an argument in capitals, in brackets if optional."""
+    """Return an option as typed, with a word for each value; an argument in capitals, in brackets if optional."""
     kinds, many = words(entry)
     if entry.form.kind == "argument":
         name = f"{entry.name} ..." if many else entry.name
@@ -121,7 +121,7 @@ def named(entry: Entry) -> str:
 
 
 def words(entry: Entry) -> tuple[list[str], bool]:
-    """Return the kinds of an option's values, FLOAT FLOAT of a pair, and whether they may come any number of times."""
+    """Return the kinds of an option's values, FLOAT FLOAT of a pair, and whether they may be repeated."""
     kinds, many = entry.values
     return ["WORD" if entry.choices or get_origin(kind) is Literal else _kind(kind)[0] for kind in kinds], many
 
@@ -131,7 +131,7 @@ def _kind(kind: Any) -> tuple[str, str, str]:
 
 
 def wanted(entry: Entry) -> str:
-    """Return what an option expects, in words, with its default as an example where there are several values."""
+    """Return the expected value of an option in words, with its default as an example of several values."""
     kinds, many = entry.values
     if entry.choices:
         return ", ".join(entry.choices)

@@ -1,7 +1,7 @@
-"""Processes of our own, started so that no module in the working folder is imported in place of Python's.
+"""Child processes that do not import modules from the working folder in place of Python's.
 
-`python -m` and `python -c` put the working folder first on the path: a `json.py` in a folder that somebody sent would
-run. `-P` and PYTHONSAFEPATH leave it out; an empty entry of PYTHONPATH, which means the same folder, goes too.
+`python -m` and `python -c` put the working folder first on the path: a `json.py` in a downloaded folder would run. `-P`
+and PYTHONSAFEPATH leave it out; an empty entry of PYTHONPATH, which means the same folder, is removed too.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from types import ModuleType
 from stiction.core.provenance import PACKAGE
 
 INSTALLED = ("site-packages", "dist-packages")
-"""Folders that Python looks into by itself."""
+"""Folders that Python searches by default."""
 
 _MAIN_HIDDEN = threading.Lock()
-"""Held while the main module is replaced, for another thread may start workers at the same time."""
+"""Lock held while the main module is replaced, for another thread may start workers at the same time."""
 
 
 def python_module(module: str, words: Iterable[object] = ()) -> list[str]:
-    """Return the command that runs a module with these words in a Python of its own; `isolated_environment` with it."""
+    """Return the command that runs a module with these words in a new Python; start it with `isolated_environment`."""
     return [sys.executable, "-P", "-m", module, *map(str, words)]
 
 
-def run_apart(
+def run_isolated(
     module: str, patience: float, words: Iterable[object] = (), content: bytes = b""
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run a module in a Python of its own, on one thread, and return what it put out; content: its standard input.
+    """Run a module in a new Python, on one thread, and return its output; content: its standard input.
 
     Raises `subprocess.TimeoutExpired` after `patience` seconds, and `OSError` where no process can be started.
     """
@@ -52,9 +52,9 @@ def bare_python(program: str) -> list[str]:
 
 
 def isolated_environment(**more: str) -> dict[str, str]:
-    """Return this process's environment, and `more`, for a Python that finds this very package and no working folder.
+    """Return this process's environment, and `more`, for a Python that finds this package but not the working folder.
 
-    An entry of PYTHONPATH that is relative is made absolute: somebody asked for that folder by its name.
+    Relative entries of PYTHONPATH are made absolute: the user named these folders.
     """
     environment = {**os.environ, **more, "PYTHONSAFEPATH": "1"}
     path = _folders(environment)
@@ -65,9 +65,9 @@ def isolated_environment(**more: str) -> dict[str, str]:
 
 
 def isolate_workers() -> None:
-    """Have the workers that multiprocessing will spawn from this process start without the working folder.
+    """Make workers that multiprocessing spawns from this process start without the working folder.
 
-    Their path is then set to this process's own, as always, before they import anything of ours.
+    Python then sets their path to this process's, before they import anything of the package.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if "PYTHONPATH" in os.environ:
@@ -75,11 +75,11 @@ def isolate_workers() -> None:
 
 
 @contextmanager
-def main_unseen() -> Iterator[None]:
-    """Have the workers that multiprocessing spawns within start without running this program's main module again.
+def hidden_main() -> Iterator[None]:
+    """Let multiprocessing spawn workers without running this program's main module again.
 
-    By default they import it, to find what it defines; a script that starts work where it stands would start it again
-    in each worker, and Python refuses.
+    By default workers import it, to find what it defines; a script that starts work at module level would start it
+    again in each worker, and Python refuses.
     """
     # The preparation of a spawned process looks at `sys.modules["__main__"]`: an empty module has no file to run.
     with _MAIN_HIDDEN:

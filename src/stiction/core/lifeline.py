@@ -1,7 +1,7 @@
-"""A process ends with the one that started it, whatever ended that: a signal, kill -9, or a fault.
+"""Child processes that end with their parent, even when it is killed.
 
-The parent holds the write end of a pipe and nobody else does; the child reads it, and its end of file says that the
-parent is gone. On Linux the kernel tells it too, which also reaches a child that is deep in a library.
+The parent alone holds the write end of a pipe; the child reads it, and end of file means that the parent ended. On
+Linux the kernel signals it too, which also reaches a child that is deep in a library.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from functools import cache
 from typing import Any
 
 VARIABLE = "STICTION_LIFELINE"
-"""Environment variable by which a child knows that its standard input is such a pipe."""
+"""Environment variable that tells a child that its standard input is such a pipe."""
 
 PR_SET_PDEATHSIG = 1
 """Linux: the signal that a process gets when the thread that started it ends, see prctl(2)."""
@@ -24,7 +24,7 @@ PR_SET_PDEATHSIG = 1
 
 @cache
 def _pipe() -> tuple[int, int]:
-    """Return read and write end of this process's pipe. Neither is inherited but as a child's standard input."""
+    """Return read and write end of this process's pipe. Neither is inherited except as a child's standard input."""
     return os.pipe()
 
 
@@ -34,13 +34,13 @@ def tied(environment: Mapping[str, str]) -> dict[str, Any]:
 
 
 def follow_parent(ending: signal.Signals = signal.SIGKILL) -> None:
-    """End by a signal when the parent does, if it said that it wants so; with SIGKILL by the kernel's word too."""
+    """End by a signal when the parent ends, if it was started with `tied`; for SIGKILL through the kernel too."""
     if os.environ.pop(VARIABLE, None) is not None:
         watch(sys.__stdin__.fileno() if sys.__stdin__ else 0, ending)
 
 
-def parents_file() -> int:
-    """Return the file that is readable once the parent is gone, of a child that has something to do before it ends.
+def parent_pipe() -> int:
+    """Return the file that becomes readable when the parent ends, for a child that has to finish something first.
 
     The child was started with `tied` and does not call `follow_parent`.
     """
@@ -51,8 +51,8 @@ def parents_file() -> int:
 def watch(read_end: int, ending: signal.Signals = signal.SIGKILL) -> None:
     """Send this process a signal once the other end of a pipe is closed, by the last process that had it.
 
-    read_end: its file descriptor, which stays open. A signal that can be handled comes once, from the pipe: the second
-    one of a person who asks to stop does not wait.
+    read_end: its file descriptor, which stays open. A signal that can be handled is sent once, from the pipe only:
+    otherwise it would count as a user's second request to stop.
     """
     # The kernel says nothing of a parent that ended before this line; the pipe does.
     if sys.platform == "linux" and ending == signal.SIGKILL:

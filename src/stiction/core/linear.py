@@ -1,24 +1,24 @@
-"""Normal equations that may leave unknowns open: which unknowns they tell, and the inverse for those alone."""
+"""Normal equations with unknowns that they do not determine: the determined ones, and their inverse."""
 
 from __future__ import annotations
 
 import numpy as np
 
 LARGEST_CONDITION = 1e12
-"""Condition number, with ones on the diagonal, from which on rounding decides what an inverse says."""
+"""Condition number, with ones on the diagonal, above which rounding dominates the inverse."""
 
 SMALLEST_DIAGONAL = 1e-200
-"""Sum of squares of a column under which the squares of its inverse are no numbers: the column counts as empty."""
+"""Sum of squares of a column below which the squares of its inverse overflow: the column counts as empty."""
 
 MIN_SHARE = 1e-3
-"""Share of an unknown in a direction that the equations leave open, from which on the unknown is open too."""
+"""Minimum share of an unknown in an undetermined direction for the unknown to count as undetermined."""
 
 
 def invert(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the inverse of the normal equations of P unknowns, and which unknowns they tell.
+    """Return the inverse of the normal equations of P unknowns, and a mask of the determined ones.
 
-    matrix: A = ZᵀW, shape (P, P). The inverse, shape (P, P), is that of the largest part of A that has one, with zeros
-    elsewhere. Told, bool, shape (P,): False for every unknown with a share in a direction that A leaves open, and for
+    matrix: A = ZᵀW, shape (P, P). The inverse, shape (P, P), is that of the largest invertible part of A, with zeros
+    elsewhere. Mask, bool, shape (P,): False for every unknown with a share in an undetermined direction of A, and for
     all where A is not finite.
     """
     told = np.full(len(matrix), bool(np.isfinite(matrix).all()))
@@ -45,4 +45,4 @@ def check_condition(matrices: np.ndarray) -> None:
     """Raise `numpy.linalg.LinAlgError` where a matrix, or one of a stack, shape (..., P, P), is near singular."""
     scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=-2, axis2=-1))).clip(1e-300)
     if not (np.linalg.cond(matrices / scale[..., :, None] / scale[..., None, :]) < LARGEST_CONDITION).all():
-        raise np.linalg.LinAlgError("the equations do not tell all unknowns apart")
+        raise np.linalg.LinAlgError("the equations do not determine all unknowns")

@@ -1,7 +1,7 @@
-"""One writer a folder: two trainings of one run, or two evaluations into one folder, would mix their results.
+"""Exclusive lock on an output directory: two processes that write the same results would mix them.
 
-The kernel holds the lock (flock) and drops it when the process ends, however it does. Who holds it stands in the file,
-for the one who is refused. Reading needs no lock: a run that goes on can be exported and watched.
+The kernel holds the lock (flock) and drops it when the process ends. The file names its holder, for the message to a
+second process. Reading needs no lock: a run in progress can be exported and watched.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from stiction.core.records import make_folder
 LOCK = ".lock"
 
 LONGEST = 4096
-"""Bytes that are read of who holds a lock."""
+"""Maximum size of the description of a lock's holder [B]."""
 
 _held: dict[Path, int] = {}
 """Lock file -> how often this process holds it."""
 
 
 @contextmanager
-def _made(folder: Path, option: str) -> Iterator[None]:
-    """Make a folder; if it was not there and stays empty, it goes again."""
+def _made_folder(folder: Path, option: str) -> Iterator[None]:
+    """Make a directory; remove it on exit if this call created it and nothing was written."""
     new = not folder.exists()
     make_folder(folder, option)
     try:
@@ -46,34 +46,34 @@ def _made(folder: Path, option: str) -> Iterator[None]:
 
 @contextmanager
 def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
-    """Make the directory for results, which `option` names, and be its only writer.
+    """Make the directory for results, which `option` names, and lock it for writing.
 
-    If it was not there and stays empty, as where a name was misspelt, it goes again. Raises `StictionError` where it
-    cannot be made or written, or another process writes it.
+    Remove it on exit if this call created it and nothing was written. Raises `StictionError` where it cannot be made or
+    written, or another process writes it.
     """
-    with _made(out, option), _locked(out / LOCK, out, option):
+    with _made_folder(out, option), _locked(out / LOCK, out, option):
         yield
 
 
 @contextmanager
 def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
-    """Hold the lock beside a folder while the folder is replaced as a whole.
+    """Hold a lock next to a folder while the folder is replaced as a whole.
 
     Raises `StictionError` as `output_folder`.
     """
     out = out.absolute()
     if out.name in ("", ".."):
-        raise FileError(f"{out} cannot be replaced as a whole; choose an {option} with a name of its own")
-    with _made(out.parent, option), _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
+        raise FileError(f"{option}: got {out}, expected a folder with a name; choose another {option}")
+    with _made_folder(out.parent, option), _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
         yield
 
 
 @contextmanager
-def one_writer(name: str, what: str) -> Iterator[None]:
-    """Be the only process of this user on this machine that drives something which is no folder, such as a robot.
+def exclusive_lock(name: str, what: str) -> Iterator[None]:
+    """Hold an exclusive per-user lock on a non-directory resource such as a robot.
 
-    name: of what is driven, for a file's name; what: the same for people. Raises `StictionError` where another process
-    does.
+    name: name of the lock file; what: name of the resource in messages. Raises `StictionError` where another process
+    holds it.
     """
     folder = Path(tempfile.gettempdir()) / f"stiction-{os.getuid()}"
     try:
@@ -81,10 +81,10 @@ def one_writer(name: str, what: str) -> Iterator[None]:
         # In a folder where everybody may write, another user may have made it first.
         if folder.is_symlink() or folder.stat().st_uid != os.getuid():
             raise FileError(
-                f"{folder} is somebody else's; two writers could not see each other: set TMPDIR to your own"
+                f"{folder} belongs to another user, so its locks cannot be used; set TMPDIR to a folder of yours"
             )
     except OSError as error:
-        raise FileError(f"{folder} cannot be made: {error.strerror}; set TMPDIR to a folder that can") from error
+        raise FileError(f"{folder} cannot be made: {error.strerror}; set TMPDIR to a writable folder") from error
     file = folder / f"{re.sub('[^A-Za-z0-9_.-]', '-', name)[:100]}{LOCK}"
     with _locked(file, Path(what), "robot, or end that process"):
         yield
@@ -92,7 +92,7 @@ def one_writer(name: str, what: str) -> Iterator[None]:
 
 @contextmanager
 def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
-    """Hold the lock of a file; within one process as often as wanted."""
+    """Hold the lock of a file; one process may hold it several times."""
     # The folder by whatever way it was named; not the file, since a link in its place is to be refused.
     file = file.parent.resolve() / file.name
     # The lock belongs to what was opened: a second opening by this very process would be refused as another's.
@@ -111,7 +111,7 @@ def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
 
 
 def _take(file: Path, folder: Path, option: str) -> int:
-    """Lock a file and write into it who holds it; return its descriptor."""
+    """Lock a file and write its holder into it; return its descriptor."""
     while True:
         try:
             number = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
@@ -121,8 +121,8 @@ def _take(file: Path, folder: Path, option: str) -> int:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Between opening and locking its holder may have removed it, and another process made it anew: a lock on a
             # file without a name keeps nobody out.
-            there = file.stat()
-            if (there.st_dev, there.st_ino) == (os.fstat(number).st_dev, os.fstat(number).st_ino):
+            current = file.stat()
+            if (current.st_dev, current.st_ino) == (os.fstat(number).st_dev, os.fstat(number).st_ino):
                 with suppress(OSError):  # A full disk: the lock holds without its text.
                     os.ftruncate(number, 0)
                     os.pwrite(number, _who().encode(errors="replace"), 0)
@@ -138,8 +138,7 @@ def _take(file: Path, folder: Path, option: str) -> int:
         except OSError as error:
             os.close(number)
             raise FileError(
-                f"{folder} cannot be locked: {error.strerror}, and two writers would spoil it; choose an {option} on a "
-                "file system that has locks"
+                f"{folder} cannot be locked: {error.strerror}; choose an {option} on a file system with locks"
             ) from error
         # Its holder has removed it in between.
         os.close(number)

@@ -1,8 +1,8 @@
-"""How much memory work and files may cost: counted before it is taken, and held by the system where the system can.
+"""Memory limits of work and files: estimated before allocation, and enforced by the system where it can.
 
-Work that will not fit is refused in a line (`check_memory`), and not killed by the system. What a reader makes of a
-file is checked against `allowance`, in bytes that will be allocated and not in bytes of the file. Whatever escapes that
-count meets the limit of the process's address space, and ends in one line all the same.
+Work that will not fit is refused in one line (`check_memory`), before the system kills it. The size of what a reader
+makes of a file is checked against `allowance`, in bytes that will be allocated and not in bytes of the file. Anything
+not counted meets the limit of the process's address space, and also ends in one line.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from pathlib import Path
 from stiction.core.errors import ConfigurationError, FileError, StictionError
 
 DEFAULT_LIMIT = 2**31
-"""Bytes beyond what the program itself takes: an hour of twelve joints at 1 kHz, and room to work on it."""
+"""Default limit, beyond the program itself [B]: an hour of twelve joints at 1 kHz, and room to work on it."""
 
 SHARES = 4
-"""A table may take one share: reading needs a second for a moment, and the estimators copy."""
+"""Number of shares, one a table: reading needs a second for a moment, and the estimators copy."""
 
 LARGEST_RATIO, HARMLESS = 200, 2**24
-"""Nothing that was measured shrinks to less than one in two hundred; below 16 MiB [B] nobody is harmed."""
+"""Largest compression ratio of a measured log, and the inflated size below which it is not checked [B]."""
 
 MEMINFO = Path("/proc/meminfo")
-"""Linux: what there is."""
+"""Path of Linux memory statistics."""
 
 GROUP = Path("/sys/fs/cgroup")
-"""Linux: what a container may use."""
+"""Path of the memory limit of a Linux container."""
 
 _limit: ContextVar[int] = ContextVar("memory limit", default=DEFAULT_LIMIT)
 
 
 def allowance() -> int:
-    """Return how many bytes a table read from a file may take."""
+    """Return the maximum size of a table read from a file [B]."""
     return _limit.get() // SHARES
 
 
 def claim(source: str, size: int, what: str, error: type[FileError]) -> None:
-    """Raise `error` where `size` bytes would be more than a table may take; `source` and `what` are named."""
+    """Raise `error`, naming `source` and `what`, where `size` bytes exceed the maximum of a table."""
     if size > allowance():
         raise error(
             f"{source}: {what} {size} bytes; at most {allowance()} are read: cut it into parts, or allow more "
@@ -50,16 +50,17 @@ def claim(source: str, size: int, what: str, error: type[FileError]) -> None:
 
 
 def check_ratio(source: str, packed: int, inflated: int, error: type[FileError]) -> None:
-    """Raise `error` where data inflate by a factor that no measurement compresses by."""
+    """Raise `error` for a compression ratio that no measured log has."""
     if inflated > max(HARMLESS, LARGEST_RATIO * packed):
-        raise error(f"{source}: {packed} bytes would inflate to {inflated} or more; no log shrinks that far")
+        raise error(f"{source}: {packed} bytes inflate to {inflated} or more, which no log does")
 
 
 @contextmanager
 def limit_memory(size: int) -> Iterator[None]:
-    """Hold what runs inside to `size` bytes more than the process has now; want of memory becomes `StictionError`.
+    """Limit the address space to `size` bytes more than now; lack of memory becomes `StictionError`.
 
-    Where the system tells no size (macOS) only `allowance` holds. A stricter limit of the caller's (`ulimit -v`) stays.
+    On a system that does not report the size (macOS) only `allowance` holds. A stricter limit of the caller (`ulimit
+    -v`) stays.
     """
     token = _limit.set(size)
     try:
@@ -76,15 +77,15 @@ def limit_memory(size: int) -> Iterator[None]:
 
 
 def address_space() -> int | None:
-    """Return the address space that this process has [B]; None where the system does not say (macOS)."""
+    """Return the address space of this process [B]; None where the system does not report it (macOS)."""
     pages = Path("/proc/self/statm")
     return int(pages.read_text().split()[0]) * resource.getpagesize() if pages.exists() else None
 
 
 def bound(kind: int, most: int) -> None:
-    """Bound a resource of this process, such as `resource.RLIMIT_CPU`, for good.
+    """Lower the hard limit of a resource of this process, such as `resource.RLIMIT_CPU`.
 
-    Never above what it had, and the hard limit too: nothing in this process can raise it again.
+    Never above the present limit; nothing in this process can raise it again.
     """
     _, hard = resource.getrlimit(kind)
     least = most if hard == resource.RLIM_INFINITY else min(most, hard)
@@ -93,7 +94,7 @@ def bound(kind: int, most: int) -> None:
 
 @contextmanager
 def _held(size: int) -> Iterator[None]:
-    """Let the address space grow by `size` bytes and no more, where the system can say how large it is."""
+    """Let the address space grow by at most `size` bytes, where the system reports its size."""
     taken = address_space()
     if taken is None:
         yield
@@ -109,16 +110,16 @@ def _held(size: int) -> Iterator[None]:
 
 
 def free_memory() -> int:
-    """Return the memory that this process may still take [B]: of the machine, of its container, of its own limit."""
-    found = [_of_machine(), _of_group()]
+    """Return the memory that this process may still allocate [B]: of the machine, its container, its limit."""
+    limits = [_of_machine(), _of_group()]
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY:
-        found.append(max(0, limit - (address_space() or 0)))
-    return min(one for one in found if one is not None)
+        limits.append(max(0, limit - (address_space() or 0)))
+    return min(amount for amount in limits if amount is not None)
 
 
 def _of_machine() -> int:
-    """Return what the machine has free; all that it has, where it does not say."""
+    """Return the free memory of the machine; its total memory where free memory is not reported."""
     try:
         lines = dict(line.split(":", 1) for line in MEMINFO.read_text().splitlines())
         return 1024 * int(lines["MemAvailable"].split()[0])
@@ -127,7 +128,7 @@ def _of_machine() -> int:
 
 
 def _of_group() -> int | None:
-    """Return what the container has left; None where there is no limit."""
+    """Return the memory left to the container; None without a limit."""
     try:
         most, used = ((GROUP / f"memory.{name}").read_text().strip() for name in ("max", "current"))
         # Without a limit `memory.max` holds a word, `max`, which is no number.
@@ -137,11 +138,11 @@ def _of_group() -> int | None:
 
 
 def check_memory(needed: float, what: str, remedy: str) -> None:
-    """Raise `StictionError` where some work needs more memory than there is.
+    """Raise `StictionError` where work needs more memory than is free.
 
-    needed: [B]; what: it is for; remedy: what to ask for in its place.
+    needed: [B]; what: name of the work; remedy: what to do.
     """
     if needed > (free := free_memory()):
         raise ConfigurationError(
-            f"{what} takes some {needed / 1e9:.1f} GB of memory and {free / 1e9:.1f} GB are free; {remedy}"
+            f"{what} needs about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are free; {remedy}"
         )

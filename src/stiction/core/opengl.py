@@ -1,6 +1,4 @@
-"""Rendering in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
-that fails, or takes its process down, costs the picture and nothing else.
-"""
+"""Rendering in a separate process, where OpenGL is chosen before MuJoCo is imported; a crash costs only the picture."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ from stiction.core.lifeline import tied
 
 
 def opengl_environment() -> dict[str, str]:
-    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
+    """Return the environment for rendering: EGL on Linux without a display, unless another one is chosen."""
     environment = isolated_environment()
     headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     if sys.platform == "linux" and headless:
@@ -28,9 +26,8 @@ def render(
 ) -> Path:
     """Run a module that draws a file, and return the file's path.
 
-    module: run as `python -P -m` with these words, which calls `follow_parent`; timeout: longest that it may take [s];
-    error: raised where it takes longer, fails, or leaves no file, with what it said last; what: it draws, such as
-    `clip`.
+    module: run as `python -P -m` with these words, and calls `follow_parent`; timeout: [s]; error: raised on a timeout,
+    a failure, or a missing file, with the last output; what: name of the picture, such as `clip`.
     """
     try:
         done = subprocess.run(

@@ -1,7 +1,7 @@
-"""From the words of a command line to its options: one reader for every verb, and one line for what is wrong.
+"""Reader of a command line into options, for every verb; one line for an error.
 
 The fields of a dataclass are the options (`core.flags`): some are flags, the others settings, which `--set path=value`
-or a YAML file, `--config FILE`, give by the one decoder of plain data. Nearer ones win: defaults, those of a preset
+or a YAML file, `--config FILE`, give by the same decoder of plain data. Later ones win: defaults, those of a preset
 among them, then the file, then --set and flags; a field that both of these give is refused.
 """
 
@@ -23,10 +23,10 @@ from stiction.core.help import Groups, help_text, named, sentence, settings_text
 Options = TypeVar("Options")
 
 Choice = Callable[[Mapping[str, Any]], Options]
-"""Function from what is given, values by the keys of --set, to the defaults of all else."""
+"""Function from the values on the command line, by the keys of --set, to the remaining defaults."""
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
-"""Words that ask for help: with the options that people use, and with all of them."""
+"""Words that ask for help: the common options, or all of them."""
 
 WIDEST = 120
 
@@ -46,17 +46,17 @@ ASSIGNMENT = "PATH=VALUE; `--set help` lists the settings"
 
 
 class _Usage(Exception):
-    """A command line that is wrong, and why."""
+    """Invalid command line, with the cause."""
 
 
 @dataclass(frozen=True)
-class Given:
-    """What a command line gives."""
+class ParsedArguments:
+    """Values of a command line."""
 
     values: Mapping[str, Any] = field(default_factory=dict)
     """Path of a field -> its value, checked by its type."""
     typed: Mapping[str, str] = field(default_factory=dict)
-    """Path of a field, and `--config` -> what gives it: `--seed`, `--set teacher.gamma`, or a place in the file."""
+    """Path of a field, and `--config` -> its source: `--seed`, `--set teacher.gamma`, or a place in the file."""
 
 
 def read_options(
@@ -67,27 +67,26 @@ def read_options(
     default: Options | Choice[Options] | None = None,
     groups: Groups | None = None,
 ) -> Options:
-    """Return the options that the words of a command line give.
+    """Return the options on a command line.
 
     kind: dataclass of the options, a field each; program: words before the arguments, `stiction train`; description:
-    what it does, in paragraphs, one of them with examples, in indented lines; default: options from which those that
-    nobody gives are taken, or their choice; groups: options that `--help` shows, all of them without. Raises
-    `ConfigurationError`: an option lacks another one that it requires, or two exclude each other (`core.effects`);
-    `SystemExit`: help was asked for and printed (status 0), or the words are wrong, which one line on standard error
-    says (status 2).
+    purpose, in paragraphs, one of them with examples, in indented lines; default: options with the defaults, or a
+    function that chooses them; groups: options that `--help` shows; without groups all. Raises `ConfigurationError`: an
+    option lacks a required one, or two exclude each other (`core.effects`); `SystemExit`: help was printed (status 0),
+    or the words are invalid, with one line on standard error (status 2).
     """
-    return read_given(kind, arguments, program, description, default, groups)[0]
+    return read_parsed(kind, arguments, program, description, default, groups)[0]
 
 
-def read_given(
+def read_parsed(
     kind: type[Options],
     arguments: Sequence[str],
     program: str,
     description: str,
     default: Options | Choice[Options] | None = None,
     groups: Groups | None = None,
-) -> tuple[Options, Options | None, Given]:
-    """Return options as `read_options` does, those before anything was given, None where some are required, and that.
+) -> tuple[Options, Options | None, ParsedArguments]:
+    """Return options as `read_options`, the defaults (None where some options are required), and the typed values.
 
     Raises as `read_options`.
     """
@@ -97,13 +96,13 @@ def read_given(
     rest = _without_list(words) if _has_settings(table) else words
     listed = len(rest) < len(words)
     try:
-        given = _read(table, rest)
+        parsed = _read(table, rest)
     except _Usage as wrong:
         if not asked and not listed:
             refuse(program, str(wrong))
-        given = Given()
+        parsed = ParsedArguments()
     keys = {entry.path: entry.key for entry in table}
-    base: Any = default({keys[path]: value for path, value in given.values.items()}) if callable(default) else default
+    base: Any = default({keys[path]: value for path, value in parsed.values.items()}) if callable(default) else default
     if asked or listed:
         shown, width = entries(kind, MISSING if base is None else base), min(WIDEST, shutil.get_terminal_size().columns)
         if listed and not asked:
@@ -113,15 +112,18 @@ def read_given(
             brief = groups is not None and HELP_ALL not in asked
             print(help_text(shown, program, description, groups or {}, brief, width))
         raise SystemExit(0)
-    if base is None and (missing := [entry for entry in table if _is_missing(entry, given.values)]):
-        refuse(program, "; ".join(f"{named(one)} is missing: {sentence(one.meaning).rstrip('.')}" for one in missing))
-    options: Any = _built(kind, given.values, MISSING if base is None else base, "")
+    missing = [entry for entry in table if _is_missing(entry, parsed.values)] if base is None else []
+    if missing:
+        refuse(
+            program, "; ".join(f"{named(item)} is missing: {sentence(item.meaning).rstrip('.')}" for item in missing)
+        )
+    options: Any = _built(kind, parsed.values, MISSING if base is None else base, "")
     check_effects(options, *([] if base is None else [base]))
-    return options, base, given
+    return options, base, parsed
 
 
 def refuse(program: str, what: str) -> NoReturn:
-    """Say in one line what is wrong with a command line, and end with status 2."""
+    """Print in one line why a command line is invalid, and exit with status 2."""
     end = "" if what.endswith("?") else ";"
     print(f"{program}: {one_line(escaped(what))}{end} `{program} --help` shows the usage", file=sys.stderr)
     raise SystemExit(2)
@@ -140,13 +142,13 @@ def _has_settings(table: Sequence[Entry]) -> bool:
 
 
 def _is_missing(entry: Entry, values: Mapping[str, Any]) -> bool:
-    """Return whether a field that is required is not given; an argument that may come any number of times may lack."""
+    """Return whether a required field has no value; a repeatable argument is never missing."""
     several = entry.form.kind == "argument" and entry.values[1]
     return entry.default is MISSING and entry.path not in values and not several
 
 
-def _read(table: Sequence[Entry], arguments: Sequence[str]) -> Given:
-    """Return what the words give; raise `_Usage` for the first that cannot be."""
+def _read(table: Sequence[Entry], arguments: Sequence[str]) -> ParsedArguments:
+    """Return the values of the words; raise `_Usage` for the first invalid one."""
     values: dict[str, Any] = {}
     typed: dict[str, str] = {}
     path: Path | None = None
@@ -157,22 +159,22 @@ def _read(table: Sequence[Entry], arguments: Sequence[str]) -> Given:
         place = entry.path or entry.name
         if before := typed.get(place):
             both = f"{name} is given twice" if before == name else f"{before} and {name} are one option, given twice"
-            raise _Usage(f"{both}; say it once")
+            raise _Usage(f"{both}; give it once")
         typed[place] = name
         if entry is CONFIG:
             path = value
         else:
             values[place] = value
     if path is None:
-        return Given(values, typed)
+        return ParsedArguments(values, typed)
     file, keys = _of_file(table, path), {entry.path: entry.key for entry in table}
-    return Given({**file, **values}, {**{place: f"{path}: {keys[place]}" for place in file}, **typed})
+    return ParsedArguments({**file, **values}, {**{place: f"{path}: {keys[place]}" for place in file}, **typed})
 
 
 def _words(table: Sequence[Entry], arguments: Sequence[str]) -> Iterator[tuple[Entry, str, Any]]:
-    """Yield what each flag or argument gives, in the order of the words: its field, how it was typed, its value."""
+    """Yield the value of each flag or argument, in the order of the words: its field, its name as typed, its value."""
     known = {entry.name: entry for entry in table if entry.name.startswith("--")}
-    known |= {one.name: one for one in (SET, CONFIG) if _has_settings(table)}
+    known |= {reserved.name: reserved for reserved in (SET, CONFIG) if _has_settings(table)}
     negative = {entry.negative: entry for entry in known.values() if entry.switch}
     free = [entry for entry in table if entry.form.kind == "argument"]
     rest, loose = [*arguments], list[str]()
@@ -202,11 +204,11 @@ def _words(table: Sequence[Entry], arguments: Sequence[str]) -> Iterator[tuple[E
         if taken:
             yield entry, entry.name, _value(entry, entry.name, taken)
     if loose:
-        raise _Usage(f"{' '.join(loose)}: a word that no option takes")
+        raise _Usage(f"{' '.join(loose)}: unexpected argument")
 
 
 def _is_flag(word: str) -> bool:
-    """Return whether a word is a flag, and no value: negative numbers are none."""
+    """Return whether a word is a flag and not a value, such as a negative number."""
     if len(word) < 2 or not word.startswith("-"):
         return False
     try:
@@ -219,18 +221,18 @@ def _is_flag(word: str) -> bool:
 def _meant(name: str, table: Sequence[Entry], known: Mapping[str, Entry]) -> str:
     plain = {f"--{entry.key.replace('_', '-')}": entry.typed for entry in table if entry.form.kind != "argument"}
     last = f"--{name.rpartition('.')[2]}"
-    found = closest(name, [*known, *plain]) or (last if last in known else None)
-    meant = plain.get(found or "", found)
+    match = closest(name, [*known, *plain]) or (last if last in known else None)
+    meant = plain.get(match or "", match)
     if meant is None:
         return ""
     return f"; did you mean '{meant}=VALUE'?" if meant.startswith("--set ") else f"; did you mean {meant!r}?"
 
 
 def _value(entry: Entry, name: str, words: Sequence[str]) -> Any:
-    given = f"{name} {' '.join(words)!r}"
+    typed = f"{name} {' '.join(words)!r}"
     for word in words if entry.choices else ():
         if word not in (*entry.choices, "None"):
-            raise _Usage(f"{given}; expected {', '.join(entry.choices)}{nearest(word, entry.choices)}")
+            raise _Usage(f"{typed}; expected {', '.join(entry.choices)}{nearest(word, entry.choices)}")
     try:
         return convert(entry, words)
     except ValueError as error:
@@ -238,12 +240,12 @@ def _value(entry: Entry, name: str, words: Sequence[str]) -> Any:
             raise _Usage(f"{name} '': {NO_PATH}") from None
         expected = ASSIGNMENT if entry is SET else wanted(entry)
         raise _Usage(
-            f"{given}: expected {expected}" if words else f"{name}: a value is missing; expected {expected}"
+            f"{typed}: expected {expected}" if words else f"{name}: a value is missing; expected {expected}"
         ) from None
 
 
 def _setting(table: Sequence[Entry], word: str) -> tuple[Entry, Any]:
-    """Return the field that a word of --set gives, and its value."""
+    """Return the field and value of a word of --set."""
     from stiction.core.yaml_files import SettingsLoader, parse_yaml
 
     key, equals, text = word.partition("=")
@@ -258,15 +260,15 @@ def _setting(table: Sequence[Entry], word: str) -> tuple[Entry, Any]:
 
 
 def _keyed(table: Sequence[Entry], key: str, where: str) -> Entry:
-    """Return the field with a key. where: before it in messages."""
+    """Return the field with a key. where: prefix of messages."""
     fields_of = {entry.key: entry for entry in table if entry.form.kind != "argument"}
     name = key.replace("-", "_")
     if name in fields_of:
         return fields_of[name]
-    below = [one for one in fields_of if one.startswith(f"{name}.")]
+    below = [path for path in fields_of if path.startswith(f"{name}.")]
     if below:
         raise _Usage(f"{where}{short(key)}: a group of settings; expected one of {', '.join(below)}")
-    near = closest(name, fields_of) or next((one for one in fields_of if one.rpartition(".")[2] == name), None)
+    near = closest(name, fields_of) or next((path for path in fields_of if path.rpartition(".")[2] == name), None)
     remedy = "`--set help` lists the settings" if near is None else f"did you mean {near!r}?"
     raise _Usage(f"{where}{short(key)}: unknown setting; {remedy}")
 
@@ -276,17 +278,17 @@ def _of_file(table: Sequence[Entry], path: Path) -> dict[str, Any]:
     from stiction.core.yaml_files import SettingsLoader, read_yaml
 
     groups = {entry.key[:end] for entry in table for end, letter in enumerate(entry.key) if letter == "."}
-    found, where = {}, f"--config {path}: "
+    values, where = {}, f"--config {path}: "
     try:
         plain = read_yaml(path, "a file of settings", ConfigurationError, SettingsLoader)
         for key, value in _leaves(plain, groups, "", where):
             entry = _keyed(table, key, where)
-            if entry.path in found:
-                raise _Usage(f"{where}{entry.key} is given twice; say it once")
-            found[entry.path] = value_of(entry.kind, value, f"{where}{entry.key}", ConfigurationError)
+            if entry.path in values:
+                raise _Usage(f"{where}{entry.key} is given twice; give it once")
+            values[entry.path] = value_of(entry.kind, value, f"{where}{entry.key}", ConfigurationError)
     except ConfigurationError as error:
         raise _Usage(str(error)) from error
-    return found
+    return values
 
 
 def _leaves(plain: Any, groups: Collection[str], key: str, where: str) -> Iterator[tuple[str, Any]]:
@@ -301,14 +303,14 @@ def _leaves(plain: Any, groups: Collection[str], key: str, where: str) -> Iterat
 
 
 def _built(kind: type[Any], values: Mapping[str, Any], before: Any, path: str) -> Any:
-    """Return the options at a path with their given values. before: those without."""
+    """Return the options at a path with their new values. before: the options without them."""
     changed: dict[str, Any] = {}
     for item in fields(kind):
         place = f"{path}{item.name}"
         old = default_of(item) if before is MISSING else getattr(before, item.name)
         if place in values:
             changed[item.name] = values[place]
-        elif any(one.startswith(f"{place}.") for one in values):
+        elif any(name.startswith(f"{place}.") for name in values):
             changed[item.name] = _built(type(old), values, old, f"{place}.")
         elif old is MISSING:
             changed[item.name] = ()

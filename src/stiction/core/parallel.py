@@ -1,4 +1,4 @@
-"""Work on all cores: tasks that know nothing of each other, each in whichever process is free."""
+"""Parallel work: independent tasks, each in whichever process is free."""
 
 from __future__ import annotations
 
@@ -14,45 +14,45 @@ from typing import Any, TypeVar
 from stiction.core import lifeline
 from stiction.core.errors import StictionError
 from stiction.core.gemm import gemm_path, open_fast_gemm
-from stiction.core.isolation import isolate_workers, main_unseen
+from stiction.core.isolation import hidden_main, isolate_workers
 from stiction.core.memory import check_memory
 
 Result = TypeVar("Result")
 
 PROCESS = 150e6
-"""Memory that a process at work takes at least: Python with numerical libraries and a simulator [B]."""
+"""Minimum memory of a worker: Python with numerical libraries and a simulator [B]."""
 
 
-_elsewhere: Callable[..., Iterator[tuple[int, Any]]] | None = None
-"""Function that takes the place of `spread` in this process, such as a cluster's."""
+_replacement: Callable[..., Iterator[tuple[int, Any]]] | None = None
+"""Function that replaces `spread` in this process, such as a cluster's."""
 
 
 @contextmanager
 def spread_by(workers: Callable[..., Iterator[tuple[int, Any]]]) -> Iterator[None]:
     """Send the tasks of `spread` to other workers while the context lasts; `workers`: called with its arguments."""
-    global _elsewhere
-    before, _elsewhere = _elsewhere, workers
+    global _replacement
+    before, _replacement = _replacement, workers
     try:
         yield
     finally:
-        _elsewhere = before
+        _replacement = before
 
 
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
     """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
-    jobs: processes at once; with one, or a single task, this process does it. Within `spread_by` other workers do it in
-    their stead. Raises `StictionError` where a process was killed, and whatever
-    `work` raises; what was not begun by then is not done. The processes end with this one, whatever ends it, and at
-    once where this process is interrupted or wants no more results.
+    jobs: number of processes; with one, or a single task, this process does the work. Within `spread_by` other workers
+    do it. Raises `StictionError` where a process was killed, and anything that `work` raises; tasks not begun by then
+    are not done. The processes end with this one, and at once where this process is interrupted or wants no more
+    results.
 
-    A script, a notebook or a prompt may call this as it stands: workers do not run the program's main module again, and
-    no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of somebody else's
-    pool, which may not start processes, does the tasks itself. Workers take this process's path of matrix products,
-    which is the one that results name.
+    A script, a notebook or a prompt may call this at module level: workers do not run the program's main module again,
+    and no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of another
+    pool, which may not start processes, does the tasks itself. Workers use the same path of matrix products as this
+    process, which results record.
     """
-    if _elsewhere is not None and tasks:
-        yield from _elsewhere(work, tasks, jobs)
+    if _replacement is not None and tasks:
+        yield from _replacement(work, tasks, jobs)
         return
     if jobs == 1 or len(tasks) < 2 or multiprocessing.current_process().daemon:
         for number, task in enumerate(tasks):
@@ -67,20 +67,22 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader, gemm_path()))
     try:
         # Each submission may start a process, here and now.
-        with nullcontext() if _of_main(work, tasks) else main_unseen():
+        parts = (work, *(part for task in tasks for part in task))
+        needs_main = any(getattr(part, "__module__", None) == "__main__" for part in parts)
+        with nullcontext() if needs_main else hidden_main():
             waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
         for future in as_completed(waiting):
             yield waiting.pop(future), future.result()
     except BrokenProcessPool as error:
         raise StictionError(
-            "a process at work was killed, perhaps for want of memory; what is done is kept: run the same command "
-            "again, with fewer --jobs"
+            "a worker process was killed, perhaps for lack of memory; finished results are kept: run the same command "
+            "again with fewer --jobs"
         ) from error
     except Exception:
         # A task's own error: without this clause the next one would end the workers in the middle of theirs.
         raise
     except BaseException:
-        # Interrupted, or closed by who wants no more: nobody waits for the tasks in work.
+        # Interrupted, or no more results are wanted: do not wait for the running tasks.
         writer.close()
         raise
     finally:
@@ -90,14 +92,8 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         writer.close()
 
 
-def _of_main(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bool:
-    """Return whether the work, or an argument, is of a function or class that the program's main module defines."""
-    parts = (work, *(part for task in tasks for part in task))
-    return any(getattr(part, "__module__", None) == "__main__" for part in parts)
-
-
-_HELD: list[Connection] = []
-"""The end of the parent's pipe in a worker: it must stay open."""
+_PARENT_PIPES: list[Connection] = []
+"""Open ends of the parent's pipe in a worker."""
 
 
 def _begin(reader: Connection, products: str) -> None:
@@ -107,7 +103,7 @@ def _begin(reader: Connection, products: str) -> None:
     """
     if products == "fast":
         open_fast_gemm()
-    _HELD.append(reader)
+    _PARENT_PIPES.append(reader)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     lifeline.watch(reader.fileno())

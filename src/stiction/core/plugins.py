@@ -1,6 +1,6 @@
-"""Parts from outside the package: named by a user as `package.module:NAME`, or entry points of installed distributions.
+"""Plug-ins: named by a user as `package.module:NAME`, or entry points of installed distributions.
 
-A file holds the name of an entry point alone, never of a module: what it can start was installed before.
+A file holds the name of an entry point only, never of a module, so it can start only installed code.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def installed_names(group: str) -> list[str]:
 
 
 def find_installed(group: str, name: str) -> Any | None:
-    """Return the object behind an entry point; None where no installed distribution has one of this name.
+    """Return the object of an entry point; None where no installed distribution has one of this name.
 
     Raises `ConfigurationError` where two distributions have it, or it cannot be imported.
     """
@@ -38,9 +38,9 @@ def find_installed(group: str, name: str) -> Any | None:
 
 
 def find_named(kind: str, name: str) -> Any:
-    """Return what `package.module:NAME` names; `kind`: what it should be, such as `reward term`, for messages.
+    """Return the object named `package.module:NAME`; `kind`: name of its kind in messages, such as `reward term`.
 
-    Raises `StictionError` where the name has no such form, or there is no such module or nothing of that name in it.
+    Raises `StictionError` where the name has another form, or the module or the object does not exist.
     """
     module, colon, variable = name.partition(":")
     if not colon:
@@ -53,4 +53,4 @@ def find_named(kind: str, name: str) -> Any:
             "PYTHONPATH"
         ) from error
     except AttributeError as error:
-        raise ConfigurationError(f"{kind} {name!r}: there is no {variable!r} in {module}") from error
+        raise ConfigurationError(f"{kind} {name!r}: the module {module} has no {variable!r}") from error

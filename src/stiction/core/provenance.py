@@ -1,4 +1,4 @@
-"""One seed policy, one thread policy, and what a result must say about the code and the machine that made it.
+"""Seeds, numbers of threads, and the code and machine that a result records.
 
 NumPy is imported where it is used, so that `limit_library_threads` can run before NumPy loads its linear algebra.
 """
@@ -30,42 +30,42 @@ THREADS_VARIABLE = "STICTION_THREADS"
 """Environment variable that overrides the number of worker threads."""
 
 MOST_THREADS = 1024
-"""Most threads, and most processes: more than the largest machine has cores, and few enough that they can start."""
+"""Maximum number of threads and of processes: above the cores of the largest machine, and few enough to start."""
 
 LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
+"""Environment variables of the thread pools of numerical libraries; they are read when a library loads."""
 
 IDLE_THREADS = ("OMP_WAIT_POLICY", "PASSIVE")
-"""Variable and value with which torch's threads sleep between two operations, and leave the cores to others."""
+"""Variable and value that make torch's threads sleep between two operations, and leave the cores to others."""
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
 GIT_TIMEOUT = 10.0
-"""Longest wait for git [s]: a result is not held up by a checkout on a slow disk."""
+"""Timeout of git [s]: a checkout on a slow disk does not hold up a result."""
 
 
 def _sequence(seed: int, name: str) -> np.random.SeedSequence:
-    """Return the seed sequence of one named stream, which depends on the seed and its own name alone."""
+    """Return the seed sequence of one named stream, which depends only on the seed and the name."""
     import numpy as np
 
     if not 0 <= seed < 2**63:
-        raise ConfigurationError(f"the seed is {seed if seed < 0 else 'huge'}; expected an integer from 0 to 2^63 - 1")
+        raise ConfigurationError(f"seed: got {seed if seed < 0 else 'more'}, expected an integer from 0 to 2^63 - 1")
     # In a stated byte order, so that every machine draws the same numbers.
     words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
     return np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
 
 
 def seed_streams(seed: int, names: Iterable[str]) -> dict[str, np.random.Generator]:
-    """Return one independent generator a name, all from one seed.
+    """Return one independent generator per name, all from one seed.
 
-    Raises `StictionError` for a negative seed, and for a name given twice: its users would draw the same numbers.
+    Raises `StictionError` for a negative seed, and for a repeated name, whose users would draw the same numbers.
     """
     import numpy as np
 
     names = list(names)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ConfigurationError(f"random streams named twice: {', '.join(twice)}; give each its own name")
+        raise ConfigurationError(f"random streams with one name: {', '.join(twice)}; give each a different name")
     # By name, since the generator that `default_rng` takes may change with NumPy.
     return {name: np.random.Generator(np.random.PCG64(_sequence(seed, name))) for name in names}
 
@@ -95,10 +95,10 @@ def num_threads() -> int:
 
 
 def limit_library_threads() -> None:
-    """Hold the pools of numerical libraries at one thread, in this process and its children.
+    """Set the pools of numerical libraries to one thread, in this process and its children.
 
-    Only the simulator and torch gain from more, and they are given `num_threads()` by name. A variable that the user
-    has set stays. It has no effect on a library that is loaded already, so the command line calls it first.
+    Only the simulator and torch gain from more, and they get `num_threads()` explicitly. A variable set by the user
+    stays. It has no effect on a loaded library, so the command line calls it first.
     """
     for variable in LIBRARY_POOLS:
         os.environ.setdefault(variable, "1")
@@ -107,12 +107,12 @@ def limit_library_threads() -> None:
 
 @cache
 def source_digest(*patterns: str) -> str:
-    """Return the SHA-256 of the files that match `patterns`, as of `source_files`."""
-    found = {pattern: source_files(pattern) for pattern in patterns}
-    if missing := [pattern for pattern, files in found.items() if not files]:
+    """Return the SHA-256 of the files that match `patterns` of `source_files`."""
+    matches = {pattern: source_files(pattern) for pattern in patterns}
+    if missing := [pattern for pattern, files in matches.items() if not files]:
         # A module that was renamed would otherwise silently drop out of what a cached result depends on.
         raise ValueError(f"{', '.join(missing)}: no such module in the package")
-    files = sorted({file for files in found.values() for file in files})
+    files = sorted({file for files in matches.values() for file in files})
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
@@ -127,15 +127,15 @@ def source_files(pattern: str) -> list[Path]:
 
 
 def fingerprint(*patterns: str) -> dict[str, Any]:
-    """Return the code, by patterns as of `source_digest`, and the packages that a cached result depends on."""
+    """Return the code, by patterns of `source_digest`, and the packages that a cached result depends on."""
     return {"code": source_digest(*patterns), "packages": _package_versions()}
 
 
 def git_revision(*packages: Path) -> str:
-    """Return the short hash of the commit that this code runs from, with `-dirty` where a package differs from it.
+    """Return the short hash of the commit of this code, with `-dirty` where a package differs from it.
 
-    packages: folders of packages that count beside `stiction`, such as the experiments.
-    `unknown` without git, for an installed package, and for one that lies in somebody else's repository.
+    packages: folders of packages besides `stiction`, such as the experiments. `unknown` without git, for an installed
+    package, and for a package inside an unrelated repository.
     """
     here = Path(__file__).resolve()
     if _git("ls-files", "--error-unmatch", here.name, folder=here.parent) is None:
@@ -157,7 +157,7 @@ def _git(*arguments: str, folder: Path) -> str | None:
 
 
 def machine() -> dict[str, Any]:
-    """Return what a result says about where it was made: processor, threads, matrix products, system, versions."""
+    """Return the machine of a result: processor, threads, matrix products, system, versions."""
     return {
         "cpu": _cpu_model(Path("/proc/cpuinfo")),
         "cores": os.cpu_count() or 1,
@@ -170,7 +170,7 @@ def machine() -> dict[str, Any]:
 
 
 def provenance(*packages: Path) -> dict[str, Any]:
-    """Return what every summary says of the code and the machine that made it: `revision` and `machine`.
+    """Return the code and machine that every summary records: `revision` and `machine`.
 
     packages: as of `git_revision`.
     """
@@ -192,50 +192,49 @@ def _package_versions() -> dict[str, str]:
     for requirement in metadata.requires("stiction") or []:
         if "extra == 'dev'" not in requirement.replace('"', "'"):
             wanted |= set(re.findall(r"^[A-Za-z0-9._-]+", requirement))
-    found = {}
+    versions = {}
     for name in sorted(wanted):
         with suppress(metadata.PackageNotFoundError):
-            found[name] = metadata.version(name)
-    return found
+            versions[name] = metadata.version(name)
+    return versions
 
 
 SOURCE = (".py", ".c", ".html")
-"""How the names of files end that are code."""
+"""Suffixes of code files."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Code and machine of a command, as they were when it began: a commit may change them while it runs."""
+    """Code and machine at the begin of a command: a commit may change them while it runs."""
 
     provenance: dict[str, Any]
     """`revision` and `machine`, for its summary."""
     code: tuple[str, ...]
     packages: tuple[Path, ...] = ()
-    """Folders of packages that count beside `stiction`."""
+    """Folders of packages besides `stiction`."""
 
     @classmethod
     def now(cls, *packages: Path) -> Origin:
-        """Return the code on disk and the machine: call it before the work. packages: as of `git_revision`."""
+        """Return the code on disk and the machine; call it before the work. packages: as of `git_revision`."""
         return cls(provenance(*packages), tuple(map(code_digest, (PACKAGE, *packages))), packages)
 
     def warnings(self) -> list[str]:
-        """Return a sentence where the code on disk is no longer that of the beginning: call it after the work."""
+        """Return a warning where the code on disk has changed since the begin; call it after the work."""
         if tuple(map(code_digest, (PACKAGE, *self.packages))) == self.code:
             return []
         return [
-            f"The code of stiction changed while this command ran: it began with revision {self.provenance['revision']}"
-            f", and {git_revision(*self.packages)} was there at its end. What came from which is not "
-            "known: let the same command run again."
+            f"The code of stiction changed while this command ran, from revision {self.provenance['revision']} to "
+            f"{git_revision(*self.packages)}; results may mix both: run the same command again."
         ]
 
 
 def code_digest(package: Path) -> str:
     """Return the SHA-256 of the code in a folder, names of files included."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for folder, folders, names in os.walk(package):
         # In place: `os.walk` goes on in this order, and not in the file system's.
         folders.sort()
         for name in sorted(name for name in names if name.endswith(SOURCE)):
             file = Path(folder, name)
-            found.update(f"{os.path.relpath(file, package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()
+            digest.update(f"{os.path.relpath(file, package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()

@@ -1,6 +1,6 @@
-"""Records as tables: one row a record, its fields the columns. CSV with every digit; text, Markdown, HTML with a few.
+"""Records as tables: one row per record, one column per field. CSV with all digits; text, Markdown, HTML with few.
 
-A field whose metadata is a `column` says how people read it: label, unit, format.
+A field's label, unit and format are its metadata, `column`.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ Row = TypeVar("Row")
 def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g", was: str = "") -> dict[str, Any]:
     """Return the metadata of a field that tables show, `speed: float = field(metadata=column("speed", "m/s"))`.
 
-    form: of its numbers, as of `format`, or a function from a value, other than None, to text; was: the field's name in
-    files of before, which are read too.
+    form: format of its numbers, as of `format`, or a function from a value, other than None, to text; was: the field's
+    name in older files, which are read too.
     """
     return {"label": f"{label} [{unit}]" if unit else label, "form": form, "was": was}
 
 
 LATER = {"later": True}
-"""Metadata of a field with a default that came later: files without the column are read too, and it is written where a
-row has something else in it; no table shows it."""
+"""Metadata of a field with a default that older files lack; it is written where a row differs from the default, and no
+table shows it."""
 
 
 def header(kind: Any) -> tuple[str, ...]:
-    """Return the labels of the columns that a kind of row shows: those with a `column`; all, by name, if none has."""
+    """Return the labels of the columns of a kind of row: fields with a `column`; all, by name, without any."""
     return tuple(field.metadata.get("label", field.name) for field in _shown(kind))
 
 
 def texts(row: Any) -> tuple[str, ...]:
-    """Return the cells of a row that belong to `header`, a dash for None."""
+    """Return the cells of a row in the order of `header`, a dash for None."""
     return tuple(_text(getattr(row, field.name), field.metadata.get("form", ".3g")) for field in _shown(row))
 
 
@@ -66,9 +66,10 @@ def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def write_rows(path: Path, rows: Sequence[Any], form: str = ".9g") -> None:
-    """Write flat dataclass records of one kind; form: of floats, as of `format`, empty for digits that read back.
+    """Write flat dataclass records of one kind; form: format of floats, as of `format`; empty for digits that read
+    back.
 
-    Raises `StictionError` where there is no row, or a number is not finite.
+    Raises `StictionError` without a row, or for a number that is not finite.
     """
     if not rows:
         raise FileError(f"{path.name}: no row to write; expected at least one")
@@ -94,9 +95,9 @@ def _cell(path: Path, name: str, value: Any, form: str) -> str:
 def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
     """Read records that `write_rows` wrote.
 
-    kind: their dataclass, whose fields are text, integers, floats and booleans, or one of these or None. optional: no
-    file is no rows, as a study writes none for an empty table. Raises `StictionError` where the file cannot be read, or
-    has other records.
+    kind: their dataclass, whose fields are text, integers, floats and booleans, or one of these or None. optional: a
+    missing file means no rows, as a study writes none for an empty table. Raises `StictionError` where the file cannot
+    be read, or has other records.
     """
     if optional and not path.exists():
         return []
@@ -113,7 +114,7 @@ def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
     if not names or names != [name for name in types if name in names or name not in later]:
         wanted = ",".join(name for name in types if name not in later)
         raise FileError(f"{path}: its first line must be {wanted}; move it away, or give another --out")
-    found = []
+    rows = []
     for number, cells in enumerate(lines[1:], start=2):
         if len(cells) != len(names):
             raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(names)}")
@@ -125,12 +126,12 @@ def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
                 raise FileError(
                     f"{path}, line {number}: {name} is {cell!r}; {error}; move the file away, or give another --out"
                 ) from error
-        found.append(kind(**row))
-    return found
+        rows.append(kind(**row))
+    return rows
 
 
 def _value(cell: str, kind: Any) -> str | int | float | None:
-    """Return the value of a cell; raise `ValueError`, with what was expected, where it is not of its kind."""
+    """Return the value of a cell; raise `ValueError`, with what was expected, for a cell of another kind."""
     kinds = get_args(kind) or (kind,)
     if cell == "" and type(None) in kinds:
         return None
@@ -138,11 +139,11 @@ def _value(cell: str, kind: Any) -> str | int | float | None:
         if cell not in ("True", "False"):
             raise ValueError("expected True or False")
         return cell == "True"
-    one = next(one for one in (int, float, str) if one in kinds)
+    number = next(number for number in (int, float, str) if number in kinds)
     try:
-        value = one(cell)
+        value = number(cell)
     except ValueError as error:
-        raise ValueError("expected a whole number" if one is int else "expected a number") from error
+        raise ValueError("expected a whole number" if number is int else "expected a number") from error
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError("expected a finite number")
     return value
@@ -151,7 +152,7 @@ def _value(cell: str, kind: Any) -> str | int | float | None:
 T = TypeVar("T")
 
 MOST = 1e12
-"""Size from which a setting is a mistake: there is no length, time, gain or count like that."""
+"""Bound of settings: no length, time, gain or count is that large."""
 
 
 def check_numbers(config: Any, name: str = "") -> None:
@@ -166,11 +167,11 @@ def check_numbers(config: Any, name: str = "") -> None:
         raise ConfigurationError(f"{name} is {short(config)}; expected a number, smaller than {MOST:g}")
 
 
-def part_of(kind: type[T], config: Any, **others: Any) -> T:
-    """Return the dataclass `kind` with the values of the fields of `config` of the same names, and `others`."""
-    given = {field.name for field in dataclasses.fields(config)}
-    names = [field.name for field in dataclasses.fields(kind) if field.name in given]  # type: ignore[arg-type]
-    return kind(**{name: getattr(config, name) for name in names} | others)
+def part_of(kind: type[T], config: Any, **more: Any) -> T:
+    """Return the dataclass `kind` with the fields of `config` of the same names, and `more`."""
+    shared = {field.name for field in dataclasses.fields(config)}
+    names = [field.name for field in dataclasses.fields(kind) if field.name in shared]  # type: ignore[arg-type]
+    return kind(**{name: getattr(config, name) for name in names} | more)
 
 
 def make_folder(out: Path, option: str = "--out") -> None:
@@ -183,8 +184,8 @@ def make_folder(out: Path, option: str = "--out") -> None:
 
 def check_folder(out: Path, option: str = "--out") -> None:
     """Raise `StictionError` where the directory for results could not be made or written, before hours of work."""
-    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
-    if not there.is_dir():
-        raise FileError(f"{out} cannot be made: {there} is a file; choose another {option}")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise FileError(f"{out} cannot be written: {there} is not yours to write; choose another {option}")
+    parent = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+    if not parent.is_dir():
+        raise FileError(f"{out} cannot be made: {parent} is a file; choose another {option}")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise FileError(f"{out} cannot be written: {parent} is read-only for this user; choose another {option}")

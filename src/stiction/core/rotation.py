@@ -1,8 +1,8 @@
-"""Rotations in NumPy, and what pulls down. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
+"""Rotations in NumPy, and gravity. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
 
-A function whose name is in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
-of them, batch first: a control loop at 1 kHz and a fleet of thousands must both be fast. What has no plural takes any
-leading shape. Results depend on the order of the operations, to the last bit.
+A function with a name in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
+of them, batch first: a control loop at 1 kHz and a fleet of thousands must both be fast. Functions without a plural
+take any leading shape. Results depend on the order of the operations, to the last bit.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 Entry = TypeVar("Entry", float, np.ndarray)
 
 GRAVITY = 9.81
-"""Acceleration of fall [m/s²], in every engine and wherever a weight is known."""
+"""Acceleration of gravity [m/s²], in every engine and wherever a weight is known."""
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-"""Orientation of a base that is not turned: it looks along x."""
+"""Orientation of an upright base that looks along x."""
 
 
 def about(axis: int, angle: float | np.ndarray) -> np.ndarray:
@@ -52,25 +52,25 @@ def matrix(quaternion: np.ndarray) -> np.ndarray:
 
 
 def into_frame(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return vectors of the world, shape (3,) or (..., 3), as one frame sees them."""
+    """Return vectors of the world, shape (3,) or (..., 3), in one frame."""
     # A row times R is the transpose of R, the inverse turn, times a column: of one vector and of many.
     return vector @ matrix(quaternion)
 
 
 def into_frames(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return N vectors of the world, shape (N, 3), each as its own frame, (N, 4), sees it."""
+    """Return N vectors of the world, shape (N, 3), each in its frame, (N, 4)."""
     w, axis = quaternion[:, :1], quaternion[:, 1:]
     # The conjugate's turn without a matrix: v + 2 a × (a × v − w v), with a the vector part.
     return vector + 2.0 * crosses(axis, crosses(axis, vector) - w * vector)
 
 
 def up_axis(w: Entry, x: Entry, y: Entry, z: Entry) -> tuple[Entry, Entry, Entry]:
-    """Return the world's upward direction in a frame, of its quaternion's entries: numbers, or arrays of one shape."""
+    """Return the world's upward direction in a frame, from its quaternion's entries: numbers or arrays."""
     return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
 def up_in_frames(quaternion: np.ndarray) -> np.ndarray:
-    """Return the world's upward direction in frames, shape (..., 4), as they see it, shape (..., 3)."""
+    """Return the world's upward direction in frames, shape (..., 4), as shape (..., 3)."""
     return np.stack(up_axis(*np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)), axis=-1)
 
 
@@ -86,13 +86,13 @@ def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     # Rounding may carry the sine beyond 1; np.clip is slower on a few numbers.
     pitch = np.arcsin(np.minimum(np.maximum(2.0 * (w * y - z * x), -1.0), 1.0))
-    found = np.empty((*entries.shape[:-1], 2))
-    found[..., 0], found[..., 1] = roll, pitch
-    return found
+    angles = np.empty((*entries.shape[:-1], 2))
+    angles[..., 0], angles[..., 1] = roll, pitch
+    return angles
 
 
 def yaw(quaternion: np.ndarray) -> float:
-    """Return the heading of a frame: the angle from the world's x to its own x, seen from above."""
+    """Return the heading of a frame: the angle from the world's x axis to the frame's, seen from above."""
     forward = matrix(quaternion)[:, 0]
     return math.atan2(forward[1], forward[0])
 
@@ -106,9 +106,9 @@ def yaws(quaternion: np.ndarray) -> np.ndarray:
 def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
     """Return N quaternions times the small rotations 1 + a i + b j, shape (N, 3): rolls of 2a, pitches of 2b."""
     w, x, y, z = quaternion.T
-    one, a, b = tilt.T
+    unit, a, b = tilt.T
     product = np.stack(
-        [w * one - x * a - y * b, w * a + x * one - z * b, w * b + y * one + z * a, z * one + x * b - y * a], -1
+        [w * unit - x * a - y * b, w * a + x * unit - z * b, w * b + y * unit + z * a, z * unit + x * b - y * a], -1
     )
     return product / np.linalg.norm(product, axis=-1, keepdims=True)
 
@@ -122,7 +122,7 @@ def angle_between(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the small rotations from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
+    """Return the small rotations from N orientations to N more, angle times axis in the first frame, shape (N, 3)."""
     inverse = first * (1.0, -1.0, -1.0, -1.0)
     # The vector part of the product of both: half the angle along the axis.
     half = inverse[:, :1] * second[:, 1:] + second[:, :1] * inverse[:, 1:] + np.cross(inverse[:, 1:], second[:, 1:])
@@ -130,25 +130,27 @@ def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the cross product of two vectors, shape (3,): that of `np.cross`, which is slow on single vectors."""
+    """Return the cross product of two vectors, shape (3,), as `np.cross`, which is slow on single vectors."""
     (ax, ay, az), (bx, by, bz) = a, b
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def crosses(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the cross products of N pairs of vectors, shape (N, 3): those of `np.cross` to the bit, and faster."""
+    """Return the cross products of N pairs of vectors, shape (N, 3): equal to `np.cross` to the bit, and faster."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), -1)
 
 
 def cross_matrix(vector: np.ndarray) -> np.ndarray:
-    """Return the matrix, shape (3, 3), that takes u to the cross product vector x u."""
+    """Return the matrix, shape (3, 3), that maps u to the cross product vector x u."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def continuous(quaternion: np.ndarray) -> np.ndarray:
-    """Return T quaternions in time without jumps of sign, which interpolation would take for turns, shape (T, 4)."""
+    """Return T quaternions in time, shape (T, 4), without jumps of sign, which interpolation would take for
+    rotations.
+    """
     # Neighbours as they came: a row is flipped where the number of changes of sign up to it is odd.
     turned = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
     return quaternion * np.concatenate([[1.0], np.where(np.cumsum(turned) % 2, -1.0, 1.0)])[:, None]
@@ -157,7 +159,8 @@ def continuous(quaternion: np.ndarray) -> np.ndarray:
 def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3); w is not negative.
 
-    Of the four squares that follow from the diagonal the largest is taken (Shepperd), so that nothing small divides.
+    The largest of the four squares that follow from the diagonal is used (Shepperd), to avoid division by a small
+    number.
     """
     m = rotation
     squares = np.array([1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]])
@@ -177,7 +180,7 @@ def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the quaternion of a turn by `second` and then by `first`, shape (4,) each."""
+    """Return the quaternion of a rotation by `second` and then by `first`, shape (4,) each."""
     w, x, y, z = first
     a, b, c, d = second
     return np.array(

@@ -1,4 +1,4 @@
-"""Temporary folders of which nothing is left, however the process ends."""
+"""Temporary folders that are removed however the process ends."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 REMOVE = 'read -r _; rm -rf -- "$1"'
-"""Waits for the end of its input, which is that of its parent, and removes a folder."""
+"""Shell program that waits for the end of its input, hence of its parent, and removes a folder."""
 
 
 @contextmanager
 def scratch() -> Iterator[Path]:
-    """Yield an empty temporary folder, removed afterwards; by a shell beside this process where it is killed.
+    """Yield an empty temporary folder, removed afterwards; by a separate shell where this process is killed.
 
-    Raises `OSError` where there is no room for one.
+    Raises `OSError` where no folder can be made.
     """
     folder, quiet = Path(tempfile.mkdtemp(prefix="stiction-")), subprocess.DEVNULL
     # In a session of its own: Ctrl-C must not reach it before its parent is done with the folder.

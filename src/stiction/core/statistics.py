@@ -14,7 +14,7 @@ CONFIDENCE = 0.95
 
 
 def wilson(successes: float, trials: int) -> Interval:
-    """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails.
+    """Return Wilson's 95 % interval of a share (Wilson 1927), which is valid near 0 and 1.
 
     successes: may be a fraction, a mean of clusters, which `scipy.stats.binomtest` refuses; trials: at least one.
     """
@@ -27,14 +27,14 @@ def wilson(successes: float, trials: int) -> Interval:
 
 
 MOST_SPLITS = 200_000
-"""Splits of an exact test: ten points beside ten have 184,756."""
+"""Maximum number of splits of an exact test: ten points against ten have 184,756."""
 
 
 def permutation_p(first: Sequence[float], second: Sequence[float]) -> float | None:
-    """Return the two-sided p of Fisher's exact permutation test of two means, points one a seed.
+    """Return the two-sided p of Fisher's exact permutation test of two means, one point per seed.
 
-    It is the share of all splits of the points into two such samples whose means differ by at least as much. None
-    where a sample is empty, or there are more than `MOST_SPLITS` splits.
+    It is the share of all splits of the points into two such samples whose means differ by at least as much. None where
+    a sample is empty, or the splits exceed `MOST_SPLITS`.
     """
     points, size = [*first, *second], len(first)
     if not first or not second or comb(len(points), size) > MOST_SPLITS:
@@ -46,7 +46,7 @@ def permutation_p(first: Sequence[float], second: Sequence[float]) -> float | No
 
 
 def t_interval(points: Sequence[float]) -> Interval | None:
-    """Return mean ± t(n - 1) s / √n, the 95 % interval of the mean of `points`, one a seed; None for fewer than two."""
+    """Return mean ± t(n - 1) s / √n, the 95 % interval of the mean of `points`, one per seed; None for one or none."""
     n = len(points)
     if n < 2:
         return None

@@ -1,4 +1,4 @@
-"""YAML from people: small files and single values, without aliases, double keys, and numbers taken for text."""
+"""Strict YAML: small files and single values, without aliases or duplicate keys; `1e-3` is a number."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ from stiction.core.files import read_bounded
 MOST_BYTES = 256 * 1024
 
 MOST_ENTRIES = 8192
-"""Entries of the longest list that is read."""
+"""Maximum length of a list."""
 
 EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
 FLOAT = re.compile(EXPONENT.pattern + r"|[-+]?([0-9]+\.[0-9]*|\.[0-9]+|\.inf)$|\.nan$")
 INTEGER = re.compile(r"[-+]?[0-9]+$")
-"""Numbers as people write them: YAML 1.1 takes `1e-3` for text, `010` for 8 and `1:0` for 60."""
+"""Number formats of users: YAML 1.1 takes `1e-3` for text, `010` for 8 and `1:0` for 60."""
 
 NUMBERS = "tag:yaml.org,2002:float", "tag:yaml.org,2002:int"
 
 
 class StrictLoader(yaml.SafeLoader):
-    """YAML without aliases, which can make a short file enormous, and without keys that stand twice."""
+    """YAML without aliases, which can make a short file enormous, and without duplicate keys."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse an alias."""
+        """Reject an alias."""
         if self.check_event(yaml.events.AliasEvent):
             raise yaml.YAMLError("an alias (*name) is not read; write the entry out")
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Refuse a key that stands twice."""
+        """Reject a duplicate key."""
         names = [self.construct_object(key, deep=True) for key, _ in node.value]
         for name in names:
             if not isinstance(name, str):
-                raise yaml.YAMLError(f"the key {name!r} is no text; put it into quotes")
+                raise yaml.YAMLError(f"the key {name!r} is not text; put it in quotes")
             if names.count(name) > 1:
-                raise yaml.YAMLError(f"{name!r} stands twice")
+                raise yaml.YAMLError(f"{name!r} is given twice")
         return super().construct_mapping(node, deep)
 
 
 class SettingsLoader(StrictLoader):
-    """The same, with numbers as people write them."""
+    """Strict YAML with numbers in users' formats."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
-        first: [(tag, pattern) for tag, pattern in found if tag not in NUMBERS]
-        for first, found in StrictLoader.yaml_implicit_resolvers.items()
+        first: [(tag, pattern) for tag, pattern in resolvers if tag not in NUMBERS]
+        for first, resolvers in StrictLoader.yaml_implicit_resolvers.items()
     }
 
 
@@ -61,7 +61,7 @@ SettingsLoader.add_constructor(NUMBERS[1], lambda loader, node: int(loader.const
 
 
 def parse_yaml(text: str, where: str, kind: type[StictionError], loader: type[StrictLoader] = StrictLoader) -> Any:
-    """Return the plain data of a YAML text; raise `kind`, which names `where` it stands, for another text."""
+    """Return the plain data of a YAML text; raise `kind`, naming `where`, for invalid text."""
     try:
         return yaml.load(text, Loader=loader)
     # The last three: a tag, such as `!!timestamp`, on a value of another form.
@@ -84,7 +84,7 @@ def read_yaml(path: Path, expected: str, kind: type[StictionError], loader: type
 
 @dataclass(frozen=True)
 class Values:
-    """Values of others' YAML files and metadata, each checked when it is taken; `where`: file and entry, for messages.
+    """Checked access to the values of others' YAML files and metadata; `where`: file and entry, for messages.
 
     All methods raise `kind` for another value.
     """
@@ -92,14 +92,14 @@ class Values:
     kind: type[StictionError]
 
     def mapping(self, value: Any, where: str) -> Mapping[str, Any]:
-        """Return names with values."""
+        """Return a mapping with names as keys."""
         if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
             what = "empty" if value is None else repr(str(value)[:60])
             raise self.kind(f"{where} is {what}; expected names with values")
         return value
 
     def number(self, value: Any, where: str) -> float:
-        """Return a number; YAML takes `1e-3` for text, as people do not."""
+        """Return a number, also from text such as `1e-3`."""
         if isinstance(value, str) and EXPONENT.fullmatch(value):
             value = float(value)
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
@@ -108,9 +108,9 @@ class Values:
 
     def whole(self, value: Any, where: str) -> int:
         """Return a whole number."""
-        if (found := self.number(value, where)) != int(found):
-            raise self.kind(f"{where} is {found:g}; expected a whole number")
-        return int(found)
+        if (number := self.number(value, where)) != int(number):
+            raise self.kind(f"{where} is {number:g}; expected a whole number")
+        return int(number)
 
     def word(self, value: Any, where: str) -> str:
         """Return a name."""
@@ -119,7 +119,7 @@ class Values:
         return value
 
     def choice(self, value: Any, where: str, *known: str) -> str:
-        """Return one of some words."""
+        """Return one of several words."""
         if value not in known:
             raise self.kind(f"{where} is {str(value)[:60]!r}; expected {' or '.join(known)}")
         return str(value)
@@ -131,15 +131,15 @@ class Values:
         return list(value)
 
     def names(self, value: Any, where: str) -> tuple[str, ...]:
-        """Return a list of different names."""
-        found = tuple(self.word(item, where) for item in self.sequence(value, where))
-        if len(set(found)) != len(found):
-            raise self.kind(f"{where} names one thing twice: {list(found)}")
-        return found
+        """Return a list of distinct names."""
+        names = tuple(self.word(item, where) for item in self.sequence(value, where))
+        if len(set(names)) != len(names):
+            raise self.kind(f"{where} has a duplicate name: {list(names)}")
+        return names
 
     def numbers(self, value: Any, where: str, count: int | None = None) -> tuple[float, ...]:
-        """Return a list of numbers, of `count` where that is given."""
-        found = tuple(self.number(item, where) for item in self.sequence(value, where))
-        if count is not None and len(found) != count:
-            raise self.kind(f"{where} has {len(found)} numbers; expected {count}")
-        return found
+        """Return a list of numbers, `count` of them unless None."""
+        numbers = tuple(self.number(item, where) for item in self.sequence(value, where))
+        if count is not None and len(numbers) != count:
+            raise self.kind(f"{where} has {len(numbers)} numbers; expected {count}")
+        return numbers

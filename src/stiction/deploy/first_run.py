@@ -14,7 +14,7 @@ import sys
 import numpy as np
 
 from stiction.core.errors import BundleError, PolicyError
-from stiction.core.isolation import run_apart
+from stiction.core.isolation import run_isolated
 from stiction.core.memory import address_space, bound
 
 MEMORY = 384 * 2**20
@@ -45,7 +45,7 @@ def first_run(model: bytes, observations: np.ndarray) -> None:
         return
     try:
         content = struct.pack("<2q", *rows.shape) + rows.tobytes() + model
-        done = run_apart("stiction.deploy.first_run", PATIENCE, content=content)
+        done = run_isolated("stiction.deploy.first_run", PATIENCE, content=content)
     except subprocess.TimeoutExpired as error:
         raise BundleError(f"policy.onnx: its first run took more than {PATIENCE:.0f} s; do not use it") from error
     except OSError as error:

@@ -1,1 +1,1 @@
-"""One robot under torques in several physics engines, behind one interface."""
+"""Robot under torques in several physics engines, behind one interface."""

@@ -1,13 +1,13 @@
-"""Many robots in any engine behind the interface of the batched simulation, so that a policy can be trained there.
+"""Many robots in any engine behind the interface of the batched simulation, for training in it.
 
-They are stepped one after the other, each in a world of its own: a tenth of the speed of MuJoCo's batch, or less. What
-differs from it:
+They are stepped one after the other, each in a separate world: a tenth of the speed of MuJoCo's batch, or less.
+Differences from it:
 
 * the motors' torque is computed from the state before a step and held over it, viscous gains too;
-* an engine says whether a foot carries load, not how much: `sensordata` has `TOUCHING`, or nothing;
-* after a reset the base has the horizontal part alone of a velocity that the caller wrote, and so it is when a
-  checkpoint goes on: from the same poses, not from the same motion;
-* the ground is flat, nothing measures joints, and nobody pushes them from outside.
+* an engine reports contact of a foot, not its force: `sensordata` has `TOUCHING`, or zero;
+* after a reset, and after a checkpoint, the base has only the horizontal part of its velocity, so
+  poses are restored, not the motion;
+* the ground is flat, joints have no sensors, and nothing pushes them from outside.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
 
 RESULTS = ("qacc", "actuator_force", "sensordata")
-"""What follows from a step: accelerations by differences over it, torques of the motors, and the feet's contact."""
+"""Results of a step: accelerations by differences over it, torques of the motors, and the feet's contact."""
 
 FIELDS = (
     *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
@@ -40,11 +40,11 @@ FIELDS = (
 """Fields of the model that may differ by robot."""
 
 OUTSIDE = ("qfrc_applied", "xfrc_applied")
-"""Torques and forces from outside, which these engines do not take."""
+"""Torques and forces from outside, which these engines do not support."""
 
 
 TOUCHING = 2 * TOUCH
-"""What the sensor of a foot shows that carries load [N]."""
+"""Reading of the sensor of a foot in contact [N]."""
 
 
 class EngineBatch(Simulation):
@@ -53,7 +53,7 @@ class EngineBatch(Simulation):
     def __init__(self, engine: str, spec: Robot, model: mujoco.MjModel, num: int, threads: int = 1) -> None:
         """Make `num` robots, all in keyframe 0; `threads` is not used.
 
-        `engine`: its name; `spec`: the robot; `model`: the same on flat ground, as `build_model` makes it.
+        `engine`: its name; `spec`: the robot; `model`: the same on flat ground, from `build_model`.
 
         Raises `StictionError`: the model has joint sensors, or the engine cannot be made.
         """
@@ -79,7 +79,7 @@ class EngineBatch(Simulation):
         return np.repeat(np.asarray(values)[None], self.num, axis=0)
 
     def bind(self, name: str) -> np.ndarray:
-        """Return the live array of a state, or of what follows from a step, shape (num, ...)."""
+        """Return the live array of a state, or of a result of a step, shape (num, ...)."""
         if name == "time":
             return self.time
         if name not in self._arrays:
@@ -92,7 +92,7 @@ class EngineBatch(Simulation):
     def expand(self, name: str) -> np.ndarray:
         """Return the live array of a model's field, shape (num, ...).
 
-        Raises `StictionError` for a field that would have no effect.
+        Raises `StictionError` for a field without an effect.
         """
         if name not in FIELDS:
             raise EngineError(
@@ -111,7 +111,7 @@ class EngineBatch(Simulation):
         """Do nothing: a robot whose parameters have changed is rebuilt before its next step."""
 
     def reset(self, ids: np.ndarray) -> None:
-        """Put the robots `ids` into keyframe 0; what follows from a step is what MuJoCo has there."""
+        """Reset the robots `ids` to keyframe 0, with the results of a step as in MuJoCo."""
         self.time[ids] = self.model.key_time[0]
         for name, array in self._arrays.items():
             array[ids] = getattr(self._standing, name)
@@ -132,7 +132,7 @@ class EngineBatch(Simulation):
         return np.flatnonzero(self._lost)
 
     def _place(self) -> None:
-        """Rebuild robots whose parameters have changed, place those that were moved, and apply pending pushes."""
+        """Rebuild robots with changed parameters, place moved ones, and apply pending pushes."""
         qpos, qvel = self._arrays["qpos"], self._arrays["qvel"]
         numbers = self._numbers()
         moved = self._fresh | (qpos != self._seen["qpos"]).any(1)
@@ -159,7 +159,7 @@ class EngineBatch(Simulation):
         self._fresh[:] = False
 
     def _numbers(self) -> np.ndarray:
-        """Return what robots are built of, shape (num, numbers)."""
+        """Return the parameters of the robots, shape (num, numbers)."""
         parts = (
             self._value("dof_armature")[:, BASE_DOFS:],
             self._value("dof_damping")[:, BASE_DOFS:],
@@ -170,7 +170,7 @@ class EngineBatch(Simulation):
         return np.concatenate([np.broadcast_to(part, (self.num, part.shape[1])) for part in parts], axis=1)
 
     def _body(self, numbers: np.ndarray) -> Body:
-        """Return a robot of its `_numbers`; a payload makes its trunk heavier, not harder to turn, as in MuJoCo's."""
+        """Return a robot from its `_numbers`; as in MuJoCo, a payload adds mass to the trunk but no inertia."""
         joints, base = self.spec.num_joints, self.spec.base
         armature, damping, (mass, *com, friction) = np.split(numbers, (joints, 2 * joints))
         spec = replace(self.spec, base=replace(base, mass=float(mass)))
@@ -195,7 +195,7 @@ class EngineBatch(Simulation):
         arrays["qacc"][:] = (arrays["qvel"] - before) / self.model.opt.timestep
 
     def _torque(self) -> np.ndarray:
-        """Return the torques of the motors [N m], shape (num, J), and move the delay lines on by a step."""
+        """Return the torques of the motors [N m], shape (num, J), and advance the delay lines by a step."""
         arrays = self._arrays
         lines = arrays["history"].reshape(self.num, self.spec.num_joints, -1)[..., -DELAY_SAMPLES:]
         steps = np.rint(self._value("actuator_delay") / self.model.opt.timestep).astype(int)
@@ -210,7 +210,7 @@ class EngineBatch(Simulation):
         return np.clip(torque, low, high)
 
     def _read(self, env: int, engine: Engine) -> None:
-        """Take over the motion of one robot."""
+        """Copy the motion of one robot into the arrays."""
         motion, arrays = engine.motion(loads=False), self._arrays
         arrays["qpos"][env] = np.concatenate((motion.base_position, motion.base_quaternion, motion.joint_position))
         linear = matrix(motion.base_quaternion) @ motion.base_linear_velocity
@@ -218,13 +218,13 @@ class EngineBatch(Simulation):
         arrays["sensordata"][env] = np.where(motion.foot_contact, TOUCHING, 0.0)
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore the poses and delay lines of `state`; see the module for what is not restored."""
+        """Restore the poses and delay lines of `state`; see the module for exceptions."""
         super().load_state(state)
         # The engines hold the motion of before: every robot is placed anew at the next step.
         self._fresh[:], self._lost[:] = True, False
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return one robot as a MuJoCo model and data, to render; nothing derived is computed yet."""
+        """Return one robot as a MuJoCo model and data, to render, without derived fields."""
         model = copy.copy(self.model)
         for name, values in self._fields.items():
             getattr(model, name)[...] = values[env]

@@ -1,8 +1,7 @@
-"""The registry of engines, and how one is found by its name.
+"""Registry of engines, and lookup by name.
 
-An engine of your own is an `EngineSpec` in a module of yours, found as `package.module:VARIABLE`. Looking it up runs
-that module, so such a name is typed by a person and never taken from a file. No engine's package is imported before the
-engine is made.
+A custom engine is an `EngineSpec` in any module, found as `package.module:VARIABLE`. Looking it up runs that module, so
+such a name is typed by a user and never taken from a file. No engine's package is imported before the engine is made.
 """
 
 from __future__ import annotations
@@ -23,36 +22,37 @@ from stiction.engines.ground import Ground, flat
 from stiction.robots.model import Robot
 
 TIMESTEP = 0.002
-"""Physics step at which engines are compared [s]: the bounds of the conformance suite are made for it."""
+"""Physics step of the comparison of engines [s]; the bounds of the conformance suite are for it."""
 
 
 @dataclass(frozen=True)
 class EngineSpec:
-    """One engine."""
+    """Engine, by its name and factory."""
 
     name: str
-    """In results, too; one of your own has `package.module:VARIABLE` instead."""
+    """Name, also in results; a custom one has `package.module:VARIABLE` instead."""
     make: Make
-    """Makes a robot in it, of body, ground and timestep; imports what it needs."""
+    """Function that makes a robot in it, from body, ground and timestep; imports its packages."""
     cost: float = 5.0
-    """Time that a walk of one robot takes over MuJoCo's: long walks go first, so that no core waits at the end."""
+    """Time of a walk of one robot over MuJoCo's: long walks go first, so that no core waits at the end."""
     batched: bool = False
-    """True if the training's simulator, which has many robots at once, has the same name."""
+    """True if the training's batched simulator has the same name."""
     timestep: float = TIMESTEP
-    """Physics step of evaluations [s]; virtual robots have their own."""
+    """Physics step of evaluations [s]; virtual robots have theirs."""
     extra: str = ""
-    """Extra of this package to install for it."""
+    """Extra of this package that installs it."""
     binaries: Callable[[], dict[str, str | None]] = dict
-    """Returns the libraries that it loads from no Python package: name -> SHA-256, None where not installed."""
+    """Function that returns the libraries loaded from outside Python packages: name -> SHA-256, None if not
+    installed."""
 
     @property
     def alone(self) -> str:
-        """Name of one robot in the engine where a batch has the plain name, as in results.csv: `mujoco-alone`."""
+        """Name of one robot in the engine if a batch has the plain name, as in results.csv: `mujoco-alone`."""
         return f"{self.name}-alone" if self.batched else self.name
 
 
 def _made(path: str, body: Body, ground: Ground, timestep: float) -> Engine:
-    """Return a robot in the engine of a class of this room, `module:CLASS`, which is imported now."""
+    """Return a robot in the engine of a class of this room, `module:CLASS`, imported on call."""
     module, _, name = path.partition(":")
     engine: Engine = getattr(import_module(f"stiction.engines.{module}"), name)(body, ground, timestep)
     return engine
@@ -79,24 +79,24 @@ ENGINES = {
 
 
 def find_engine(name: str) -> EngineSpec:
-    """Return the engine called `name`, a shipped one or `package.module:VARIABLE`; raise `StictionError` for none."""
+    """Return the engine called `name`, a shipped one or `package.module:VARIABLE`; raise `StictionError` for others."""
     if name in ENGINES:
         return ENGINES[name]
     if ":" not in name:
         message = unknown_name("engine", name, ENGINES)
-        raise EngineError(f"{message}; name one of your own as package.module:VARIABLE")
-    found = find_named("engine", name)
-    if not isinstance(found, EngineSpec):
+        raise EngineError(f"{message}; give a custom one as package.module:VARIABLE")
+    target = find_named("engine", name)
+    if not isinstance(target, EngineSpec):
         raise EngineError(f"engine {name!r} is not an EngineSpec")
-    return replace(found, name=name, batched=False)
+    return replace(target, name=name, batched=False)
 
 
 def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engine:
-    """Return a robot in the engine called `name`, standing at the origin's height zero until it is reset.
+    """Return a robot in the engine called `name`, with its base at the origin until it is reset.
 
     timestep: of the physics [s].
 
-    Raises `StictionError`: there is no such engine, what it needs is not installed, or no physics takes such steps.
+    Raises `StictionError`: the engine is unknown, its package is not installed, or the timestep is out of range.
     """
     spec = find_engine(name)
     if not 0 < timestep <= 0.02:
@@ -113,18 +113,18 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
 
 
 def binaries(name: str) -> dict[str, str | None]:
-    """Return `EngineSpec.binaries` of an engine, with the module's file of one of one's own; for keys of a cache.
+    """Return `EngineSpec.binaries` of an engine, with the module's file of a custom one; for keys of a cache.
 
-    Raises `StictionError` where there is no such engine.
+    Raises `StictionError` for an unknown engine.
     """
-    found = find_engine(name).binaries()
+    libraries = find_engine(name).binaries()
     module, colon, _ = name.partition(":")
     file = sys.modules[module].__file__ if colon else None
-    return found if file is None else found | {module: hashlib.sha256(Path(file).read_bytes()).hexdigest()}
+    return libraries if file is None else libraries | {module: hashlib.sha256(Path(file).read_bytes()).hexdigest()}
 
 
-def what_is_missing(name: str, robot: Robot) -> str | None:
-    """Return why a robot cannot be had in an engine here and what to do, in one line; None where it can."""
+def missing_engine(name: str, robot: Robot) -> str | None:
+    """Return why a robot cannot run in an engine here, with a remedy, in one line; None if it can."""
     try:
         make_engine(name, Body.nominal(robot), flat(), TIMESTEP)
     except StictionError as error:

@@ -1,20 +1,20 @@
-"""The interface of every engine: one robot, its joints moved by torques and held by dry friction.
+"""Interface of every engine: one robot, its joints moved by torques and held by dry friction.
 
-Torque and friction come from outside, at every physics step. Engines' own friction and control often mean something
-else (PhysX 5.3 multiplies by load, Webots ignores friction under position control), so only one thing of theirs is
+Torque and friction come from outside, at every physics step. Engines' built-in friction and control often mean
+something else (PhysX 5.3 multiplies by load, Webots ignores friction under position control), so only one feature is
 used: a constraint that holds a joint with any torque up to a bound, and brakes it with the bound where it slides. The
 bound of each joint is set before each step from its state, the same in every engine. It is a sum of laws
 (`stiction.joints.friction.LAWS`), each with a level and numbers that may differ between joints:
 
-    bound_j = wear_j f_j (1 + (r_j − 1) exp(−(q'/v_j)²)) + c_j (|F_j| + |T_j|)
+  bound_j = wear_j f_j (1 + (r_j − 1) exp(−(q'/v_j)²)) + c_j (|F_j| + |T_j|)
 
-for one with Stribeck friction and friction that grows with load. As in training, motor torque and transmitted force are
-those of the step before, and the bound is low-pass filtered with the same time constant. Wear scales torques, as the
-paper's seals do, and not coefficients.
+for Stribeck friction plus friction that grows with load. As in training, motor torque and transmitted force are those
+of the step before, and the bound is low-pass filtered with the same time constant. Wear scales torques, as the paper's
+seals do, and not coefficients.
 
-What touches what is the same in every engine, and as in training: on the plane feet and trunk; on boxes and on a height
-field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite of `stiction
-study engines` tests all of this.
+Contacts are the same in every engine, and as in training: on the plane feet and trunk; on boxes and on a height field
+shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite of `stiction study
+engines` tests all of this.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from stiction.joints.friction import LAWS, SMOOTHING_PERIOD, Law, Values, has_co
 from stiction.robots.model import Robot
 
 FASTEST = 1e4
-"""A base or a joint that is faster has blown up [m/s, rad/s]."""
+"""Speed of a base or a joint above which it has blown up [m/s, rad/s]."""
 
 TOUCH = 1.0
-"""Force with which the ground must push a foot for a contact [N], as in training (`Fleet.foot_contact`)."""
+"""Minimum force of the ground on a foot in contact [N], as in training (`Fleet.foot_contact`)."""
 
 
 class BlownUp(EngineError):
-    """The simulation of the robot is unstable: a fall. `reset` starts anew."""
+    """Instability of the simulation, which counts as a fall. `reset` restarts it."""
 
 
 def check_speed(engine: str, *speeds: np.ndarray) -> None:
@@ -54,7 +54,7 @@ def check_speed(engine: str, *speeds: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class Body:
-    """The robot as an engine builds it: shape, masses, rotors and viscous friction."""
+    """Robot to build in an engine: shape, masses, rotors and viscous friction."""
 
     spec: Robot
     """Shape, masses, limits of the angles."""
@@ -63,11 +63,11 @@ class Body:
     damping: np.ndarray
     """Viscous friction, B [N m s/rad], shape (J,)."""
     ground_friction: float = 1.0
-    """Coulomb coefficient between feet and ground [-], whatever the ground is made of; trunk and shanks have 1."""
+    """Coulomb coefficient between feet and ground [-], for any ground; trunk and shanks have 1."""
     base_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the trunk's centre of mass is, away from that of `spec` [m]."""
+    """Shift of the trunk's centre of mass from that of `spec` [m]."""
     fixed: bool = False
-    """Whether the base is bolted to a stand, where `reset` put it."""
+    """True if the base is bolted to a stand, at the place of `reset`."""
 
     @property
     def base_com(self) -> np.ndarray:
@@ -88,24 +88,24 @@ class Motion:
     """
 
     base_position: np.ndarray
-    """Of the base's frame, not its centre of mass, in the world [m], shape (3,)."""
+    """Position of the base's frame, not its centre of mass, in the world [m], shape (3,)."""
     base_quaternion: np.ndarray
-    """Of the base in the world, w x y z, shape (4,)."""
+    """Orientation of the base in the world, w x y z, shape (4,)."""
     base_linear_velocity: np.ndarray
-    """Of the base's frame, seen in it [m/s], shape (3,)."""
+    """Velocity of the base's frame, in it [m/s], shape (3,)."""
     base_angular_velocity: np.ndarray
-    """In the base's frame [rad/s], shape (3,)."""
+    """Angular velocity in the base's frame [rad/s], shape (3,)."""
     joint_position: np.ndarray
     """[rad], shape (J,)."""
     joint_velocity: np.ndarray
     """[rad/s], shape (J,)."""
     foot_contact: np.ndarray
-    """Whether the ground pushes a foot with at least `TOUCH`, bool, shape (legs,)."""
+    """True for each foot that the ground pushes with at least `TOUCH`, bool, shape (legs,)."""
     joint_force: np.ndarray
     """|F|, the force that each joint transmitted, contacts included [N], shape (J,)."""
     joint_torque: np.ndarray
-    """|T|, the torque that it transmitted, about the centre of mass of the link behind it, its axis included [N m],
-    shape (J,)."""
+    """|T|, the torque that each joint transmitted, about the centre of mass of the link behind it, its axis included [N
+    m], shape (J,)."""
 
 
 class Engine(Protocol):
@@ -116,10 +116,10 @@ class Engine(Protocol):
     body: Body
     """The robot."""
     timestep: float
-    """Of the physics [s]."""
+    """Physics step [s]."""
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest: joint angles [rad], shape (J,); place [m] and orientation of its base."""
+        """Place the robot at rest: joint angles [rad], shape (J,); place [m] and orientation of its base."""
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep under joint torques [N m] and bounds of dry friction [N m], both of shape (J,).
@@ -128,45 +128,47 @@ class Engine(Protocol):
         """
 
     def motion(self, loads: bool = True) -> Motion:
-        """Return the present motion; without `loads`, |F| and |T| of its joints are left zero, which is faster."""
+        """Return the present motion; without `loads`, |F| and |T| of its joints stay zero, which is faster."""
 
 
 @runtime_checkable
 class Pushable(Protocol):
-    """An engine whose robot can be pushed; the shipped ones are."""
+    """Engine whose robot can be pushed, as in all shipped ones."""
 
     def push(self, velocity: np.ndarray) -> None:
-        """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's; its joints go on as before."""
+        """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's, without a change of its
+        joints'.
+        """
 
 
 @runtime_checkable
 class FrictionSensing(Protocol):
-    """An engine that says what its dry friction did; `mujoco` and `physx` are such."""
+    """Engine that reports the torque of its dry friction, such as `mujoco` and `physx`."""
 
     def friction_torque(self) -> np.ndarray:
-        """Return the torque that dry friction put on each joint in the last step, with its sign [N m], shape (J,).
+        """Return the torque of dry friction on each joint in the last step, signed [N m], shape (J,).
 
         Zero right after a reset.
         """
 
 
 Make = Callable[[Body, Ground, float], Engine]
-"""Makes an engine: body, ground, timestep [s]."""
+"""Function of body, ground, timestep [s] that makes an engine."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """One law at some level. Numbers are of the joints, shape (J,), or one for all."""
+    """Friction law at a level. Numbers are of the joints, shape (J,), or one for all."""
 
     law: str
     """One of `simulated_laws`."""
     level: Values
     """Torque [N m], or coefficient [-]."""
     numbers: Mapping[str, Values] = field(default_factory=dict)
-    """What the law takes beside its level, by name; see `Law`."""
+    """Numbers of the law in addition to its level, by name; see `Law`."""
 
     def bound(self, signals: Mapping[str, Values]) -> Values:
-        """Return its part of the bound [N m], unfiltered; `signals`: what laws may read, by name."""
+        """Return its part of the bound [N m], unfiltered; `signals`: inputs of laws, by name."""
         spec = LAWS[self.law]
         assert spec.factor is not None
         return self.level * spec.factor(**{name: signals[name] for name in spec.reads}, **self.numbers)
@@ -176,7 +178,7 @@ class JointFriction:
     """Dry friction of one robot."""
 
     def __init__(self, timestep: float, *terms: Term) -> None:
-        """timestep: of the physics [s]; terms: laws whose bounds add up."""
+        """Combine laws; timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
         self._decay = [LAWS[term.law].smoothing ** (timestep / SMOOTHING_PERIOD) for term in terms]
         self.reset()
@@ -188,15 +190,15 @@ class JointFriction:
 
     @property
     def loaded(self) -> bool:
-        """Whether the friction depends on what a joint transmits."""
+        """True if the friction depends on the load that a joint transmits."""
         return any(LAWS[term.law].loaded and np.any(term.level) for term in self._terms)
 
     def reset(self) -> None:
-        """Forget the bounds of the last step."""
+        """Clear the bounds of the last step."""
         self._last: list[Values | None] = [None] * len(self._terms)
 
     def set_levels(self, *levels: Values) -> None:
-        """Give each law another level from the next step on; the filters go on from the last bounds."""
+        """Set the level of each law from the next step on; the filters continue from the last bounds."""
         self._terms = [
             replace(term, level=np.array(level, float)) for term, level in zip(self._terms, levels, strict=True)
         ]
@@ -204,7 +206,7 @@ class JointFriction:
     def bound(self, motion: Motion, torque: np.ndarray, wear: Values = 1.0) -> np.ndarray:
         """Return the bounds of the coming step [N m], shape (J,).
 
-        motion: of now; torque: of the motors in the last step [N m], shape (J,); wear: factor on torques [1].
+        motion: the present one; torque: of the motors in the last step [N m], shape (J,); wear: factor on torques [1].
         """
         load = motion.joint_force + motion.joint_torque
         signals = {"velocity": motion.joint_velocity, "load": load, "torque": torque}

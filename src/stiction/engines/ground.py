@@ -1,4 +1,4 @@
-"""The ground of one robot as data that every engine can build: a plane, and boxes on it.
+"""Ground of one robot as data that every engine can build: a plane, and boxes on it.
 
 Boxes are exact in every engine, and the courses of the training are made of them (`stiction.robots.terrain`).
 """
@@ -19,14 +19,14 @@ class Ground:
     """The plane z = 0 with B boxes on it."""
 
     half_sizes: np.ndarray
-    """Half the extent of the boxes along their own axes [m], shape (B, 3)."""
+    """Half the extent of the boxes along their axes [m], shape (B, 3)."""
     positions: np.ndarray
-    """Their middles [m], shape (B, 3)."""
+    """Middles of the boxes [m], shape (B, 3)."""
     quaternions: np.ndarray
-    """Their orientations, w x y z, shape (B, 4)."""
+    """Orientations of the boxes, w x y z, shape (B, 4)."""
 
     def __post_init__(self) -> None:
-        """Refuse boxes without size, position or orientation, so that no engine needs to."""
+        """Reject boxes without size, position or orientation, so that no engine needs to."""
         shapes = np.shape(self.half_sizes), np.shape(self.positions), np.shape(self.quaternions)
         count = shapes[0][0] if shapes[0] else 0
         if shapes != ((count, 3), (count, 3), (count, 4)):
@@ -52,7 +52,7 @@ class Ground:
 
 
 def flat() -> Ground:
-    """Return the plane, with nothing on it."""
+    """Return the bare plane."""
     return Ground(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4)))
 
 
@@ -62,7 +62,7 @@ def course(kind: str, size: float, seed: int = 0) -> Ground:
     kind: `stairs`, `slope`, `rough`, or `flat`; size: height of a step [m], angle of the slope [rad], height of the
     highest slab [m]; seed: places of the slabs.
 
-    Raises `StictionError`: there is no such kind, or it is not made that steep.
+    Raises `StictionError`: the kind is unknown, or the size is out of range.
     """
     if kind == "flat":
         return flat()
@@ -76,7 +76,7 @@ def course(kind: str, size: float, seed: int = 0) -> Ground:
 
 
 def box_top(points: np.ndarray, half: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """Return the height of a box's top over points (P, 2) [m], shape (P,); minus infinity beside it."""
+    """Return the height of a box's top over points (P, 2) [m], shape (P,); minus infinity outside it."""
     # A vertical line is inside a box where it is between its three pairs of planes.
     axes = matrix(quaternion).T
     start = (np.column_stack((points, np.zeros(len(points)))) - position) @ axes.T

@@ -1,10 +1,10 @@
-"""One robot in MuJoCo: the model of the training, its joints moved by torques from outside.
+"""Robot in MuJoCo: the model of the training, its joints moved by torques from outside.
 
 Sensors lag the state by one step, as in the fleet; a foot's sensor also feels the other feet. Dry friction is the
 solver's `frictionloss`, as stiff as in training (`robots.physics.FRICTION_D0`); its bound may change at every step.
 
 Contacts are as soft as in training, 20 ms (`geom_solref`), softer than in the other engines; joint controllers are
-outside, where the fleet has them inside and takes kd implicitly. For what both change see `results/engines`.
+outside, where the fleet has them inside and takes kd implicitly. For the effect of both see `results/engines`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class MujocoEngine:
     def __init__(self, body: Body, ground: Ground, timestep: float, contact_time: float | None = None) -> None:
         """Build the robot on its ground, the base at the origin.
 
-        timestep: of the physics [s]; contact_time: in which contacts give way [s], by default as in training.
+        timestep: of the physics [s]; contact_time: time constant of contacts [s], by default as in training.
         """
         self.body, self.timestep = body, timestep
         self._legs, self._joints = len(body.spec.feet), body.spec.num_joints
@@ -59,7 +59,7 @@ class MujocoEngine:
         self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest; see `Engine.reset`."""
+        """Place the robot at rest; see `Engine.reset`."""
         mujoco.mj_resetData(self._model, self._data)
         if self.body.fixed:
             self._model.body_pos[self._base], self._model.body_quat[self._base] = position, quaternion
@@ -87,7 +87,7 @@ class MujocoEngine:
         return torque
 
     def motion(self, loads: bool = True) -> Motion:
-        """Return what the robot does now; see `Motion`."""
+        """Return the present motion; see `Motion`."""
         data, feet = self._data, self._legs
         force, torque = self._transmitted() if loads else np.zeros((2, self._joints))
         if self.body.fixed:

@@ -1,8 +1,8 @@
-"""One robot in PhysX 5.3, by the package sapien: an articulation in reduced coordinates, on the processor, float32.
+"""Robot in PhysX 5.3, by the package sapien: an articulation in reduced coordinates, on the processor, float32.
 
-What PhysX 5.3 calls joint friction multiplies the joint's load without contacts (`stiction.sim.fleet`); it is set
-to zero. Dry friction is a drive instead: it wants velocity zero and may use no more torque than the bound. Motor torque
-and viscous friction are joint forces, computed from the state before the step. Armature is the engine's own.
+Joint friction in PhysX 5.3 multiplies the joint's load without contacts (`stiction.sim.fleet`); it is set to zero. Dry
+friction is a drive instead: its target is velocity zero and its torque limit the bound. Motor torque and viscous
+friction are joint forces, computed from the state before the step. Armature is the engine's.
 
 A reset builds the scene anew: PhysX keeps contacts and solver caches from step to step, and the same robot would not
 repeat its motion.
@@ -24,25 +24,26 @@ from stiction.robots.model import GRAVITY
 from stiction.robots.shapes import Contact, Shape
 
 BRAKE = 1e5
-"""Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
+"""Damping of the drive for dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
 
 ITERATIONS = (50, 1)
 """Position and velocity iterations of the solver, PGS: with fewer the locked joints of a standing robot creep faster,
-and with as many of TGS, sapien's default."""
+as with equally many of TGS, sapien's default."""
 
 CAP = 10 * FASTEST
-"""Largest velocity of a link [m/s, rad/s]; sapien's default would limit a free fall to 10 m/s."""
+"""Maximum velocity of a link [m/s, rad/s]; sapien's default would limit a free fall to 10 m/s."""
 
 FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
 BITS: dict[Contact, tuple[int, int]] = {"ground": FEET_AND_TRUNK, "obstacles": SHANK}
-"""What a shape is and what it meets, as bits: two shapes touch if a bit of one's first is in the other's second."""
+"""Collision bits of a shape: its categories, and those that it meets; two shapes touch if a bit of one's first is in
+the other's second."""
 
 ALONG_X = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
-"""Turns a capsule or cylinder: PhysX lays them along x, a `Shape` along z."""
+"""Rotation of a capsule or cylinder: along x in PhysX, along z in a `Shape`."""
 
 
 def sapien() -> Any:
-    """Return the package sapien, without its warning that it finds nothing to draw with."""
+    """Return the package sapien, without its warning about missing renderers."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import sapien
@@ -57,7 +58,7 @@ class PhysxEngine:
     def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
         """Build the robot on its ground, the base at the origin; `timestep` of the physics [s].
 
-        Raises `StictionError`: a ground friction that cannot be made here.
+        Raises `StictionError` for an unsupported ground friction.
         """
         self._sapien = sapien()
         if not 0 <= body.ground_friction <= 2:
@@ -67,7 +68,7 @@ class PhysxEngine:
         self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest; see `Engine.reset`."""
+        """Place the robot at rest; see `Engine.reset`."""
         physx = self._sapien.physx
         physx.set_scene_config(gravity=np.array([0.0, 0.0, -GRAVITY], np.float32), enable_tgs=False)
         self._system = physx.PhysxCpuSystem()
@@ -104,7 +105,7 @@ class PhysxEngine:
         self._scene.add_entity(entity)
 
     def _add_robot(self, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Add the robot in its zero position; remember where its joints and feet are in PhysX's own order."""
+        """Add the robot in its zero position; record the order of its joints and feet in PhysX."""
         body, spec, pose = self.body, self.body.spec, self._sapien.Pose
         builder = self._scene.create_articulation_builder()
         base = builder.create_link_builder()
@@ -151,7 +152,7 @@ class PhysxEngine:
         self._add_shapes()
 
     def _add_shapes(self) -> None:
-        """Give the robot what can touch, and remember its feet."""
+        """Add the contact shapes of the robot, and record its feet."""
         spec = self.body.spec
         for shape in spec.base.shapes:
             self._add_shape(self._robot.get_root(), shape, self._hull)
@@ -159,12 +160,12 @@ class PhysxEngine:
         for number, (link, component) in enumerate(zip(spec.links, self._links, strict=True)):
             for shape in link.shapes:
                 self._add_shape(component, shape, self._hull)
-            for foot, own in enumerate(spec.feet):
-                if own.link == number:
-                    self._feet |= {self._add_shape(component, shape, self._rubber): foot for shape in own.shapes}
+            for foot, foot_spec in enumerate(spec.feet):
+                if foot_spec.link == number:
+                    self._feet |= {self._add_shape(component, shape, self._rubber): foot for shape in foot_spec.shapes}
 
     def _add_shape(self, component: Any, shape: Shape, material: Any) -> Any:
-        """Attach one shape where it can touch, and return it."""
+        """Attach one shape if it has contacts, and return it."""
         if shape.contact == "nothing":
             return None
         physx, (a, b, c) = self._sapien.physx, shape.size
@@ -203,7 +204,7 @@ class PhysxEngine:
             self._robot.set_root_linear_velocity(speed.astype(np.float32))
 
     def friction_torque(self) -> np.ndarray:
-        """Return what the drive did that is dry friction; see `FrictionSensing`.
+        """Return the torque of the drive for dry friction; see `FrictionSensing`.
 
         PhysX takes it from the velocity at the end of the step, as is done here.
         """
@@ -211,7 +212,7 @@ class PhysxEngine:
         return -np.clip(BRAKE * velocity, -self._friction, self._friction)
 
     def motion(self, loads: bool = True) -> Motion:
-        """Return what the robot does now; see `Motion`."""
+        """Return the present motion; see `Motion`."""
         robot = self._robot
         pose = robot.get_root_pose()
         quaternion = np.array(pose.q, float)
@@ -238,9 +239,9 @@ class PhysxEngine:
         if not self._stepped:
             return push
         for contact in self._system.get_contacts():
-            one, other = contact.shapes
-            foot = one if other in self._ground_shapes else other
-            if foot in self._feet and not self._ground_shapes.isdisjoint((one, other)):
+            first, second = contact.shapes
+            foot = first if second in self._ground_shapes else second
+            if foot in self._feet and not self._ground_shapes.isdisjoint((first, second)):
                 push[self._feet[foot]] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
         return push / self.timestep
 
@@ -257,7 +258,7 @@ class PhysxEngine:
 
 
 def _attach(component: Any, shape: Any, bits: tuple[int, int]) -> None:
-    """Give a body a shape that meets what `bits` say."""
+    """Add a shape with collision bits to a body."""
     shape.set_collision_groups([*bits, 0, 0])
     component.attach(shape)
 

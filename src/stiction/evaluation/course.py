@@ -24,7 +24,7 @@ from stiction.task.terrain import (
     LENGTH,
     SCAN_POINTS,
     START,
-    UNDER,
+    UNDER_TRUNK,
     TerrainCfg,
     hold_heading,
 )
@@ -137,7 +137,7 @@ def course_commands(fleet: Fleet, speed: np.ndarray) -> Commands:
     """Return what commands a fleet along its courses at speeds (N,) [m/s], velocities of shape (N, 3)."""
 
     def commands(number: int) -> np.ndarray:
-        fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER]).mean(-1)
+        fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER_TRUNK]).mean(-1)
         return np.stack((speed, np.zeros_like(speed), straight_on(fleet.yaw)), -1)
 
     return commands

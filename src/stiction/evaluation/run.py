@@ -12,7 +12,7 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import EngineError
 from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
-from stiction.engines.catalog import binaries, what_is_missing
+from stiction.engines.catalog import binaries, missing_engine
 from stiction.evaluation.benches import forward_walks, with_known_friction
 from stiction.evaluation.evaluate import WALK_CODE
 from stiction.evaluation.grid import GridCfg, Walk, plan, units, walk_unit
@@ -75,7 +75,7 @@ def walk_grid(
     for bundle in bundles:
         spec = robot_of(bundle.contract, robot)
         for simulator in cfg.simulators:
-            if not simulator.is_batch and (why := what_is_missing(simulator.spec.name, spec)):
+            if not simulator.is_batch and (why := missing_engine(simulator.spec.name, spec)):
                 raise EngineError(why)
     with output_folder(out):
         ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)

@@ -25,7 +25,7 @@ from stiction.files.contract import robot_of
 from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.virtual.drive import drive, unheard
+from stiction.virtual.drive import drive, ignore_progress
 
 SHORTEST = 1.0
 """Shortest walk before a fall that is still a log [s]."""
@@ -187,7 +187,7 @@ def record_motion(
     kd: np.ndarray,
     velocity: np.ndarray,
     steps: int,
-    progress: Callable[[float], None] = unheard,
+    progress: Callable[[float], None] = ignore_progress,
     meter: FrictionMeter | None = None,
 ) -> list[dict[str, np.ndarray] | None]:
     """Walk a batch and return the true signals of each robot, fields of `WalkLog`, to its fall; None under `SHORTEST`.

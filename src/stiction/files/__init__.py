@@ -1,1 +1,1 @@
-"""The files that pass between the stages, as typed records. NumPy and the standard library."""
+"""Files between the stages, as typed records. NumPy and the standard library."""

@@ -1,8 +1,8 @@
-"""An Actuator Net as a file: what torque a joint's motor gives, from its last positions and velocities. NPZ, no pickle.
+"""Actuator Net file: a net from a joint's last positions and velocities to its motor's torque. NPZ, no pickle.
 
 The archive holds `header`, a text (a JSON object with `schema`, `schema_version` and the fields of `ActuatorNet` apart
 from the weights), and for group g and layer l the arrays `weight.g.l`, shape (outputs, inputs), and `bias.g.l`, shape
-(outputs,), float32. A directory of `stiction train-actuator` has it as `actuator.npz`.
+(outputs,), float32. In a directory of `stiction train-actuator` it is `actuator.npz`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FILE = "actuator.npz"
 
 
 def write_actuator(path: Path, net: ActuatorNet) -> None:
-    """Write a net, whole or not at all. Raises `FileError` where the file cannot be written."""
+    """Write a net atomically. Raises `FileError` where the file cannot be written."""
     header = {key: value for key, value in asdict(net).items() if key != "layers"}
     arrays = {"header": write_header(SCHEMA, SCHEMA_VERSION, header)}
     for group, layers in enumerate(net.layers):
@@ -34,7 +34,7 @@ def write_actuator(path: Path, net: ActuatorNet) -> None:
 
 
 def actuator_file(path: Path) -> Path:
-    """Return the net's file, given as itself or by its folder. Raises `FileError` where there is none."""
+    """Return the net's file, given as a file or its folder. Raises `FileError` for a missing file."""
     file = path / FILE if path.is_dir() else path
     if not file.is_file():
         raise FileError(f"no Actuator Net at {file}; expected a folder of `stiction train-actuator`, or its {FILE}")
@@ -42,9 +42,10 @@ def actuator_file(path: Path) -> Path:
 
 
 def read_actuator(path: Path) -> ActuatorNet:
-    """Read a net, from its file or from the directory that `stiction train-actuator` made; nothing is executed.
+    """Read a net, from its file or from the directory of `stiction train-actuator`; nothing is executed.
 
-    Raises `StictionError`: not such a file, another version, a field missing, unknown or of the wrong type or shape.
+    Raises `StictionError`: another kind of file, another version, a field missing, unknown or of the wrong type or
+    shape.
     """
     file = actuator_file(path)
     arrays = read_npz_arrays(file)
@@ -67,24 +68,24 @@ def read_actuator(path: Path) -> ActuatorNet:
 
 @dataclass(frozen=True)
 class ActuatorFit:
-    """A piece of a run that was kept out, and how the errors fell."""
+    """Signals of a held-out part of a run, and the errors during the fit."""
 
     time: np.ndarray
-    """Since the start of the run [s], shape (T,)."""
+    """Time since the start of the run [s], shape (T,)."""
     measured: np.ndarray
     """Torque in the log [N m], shape (T, J)."""
     net: np.ndarray
-    """Torque that the net gives [N m], shape (T, J)."""
+    """Torque of the net [N m], shape (T, J)."""
     baseline: np.ndarray
     """Torque of the PD law with fitted friction [N m], shape (T, J)."""
     loss_training: np.ndarray
     """Mean squared error of torque over limit by group of joints and epoch [-], shape (G, epochs)."""
     loss_validation: np.ndarray
-    """... of the runs that were kept out, shape (G, epochs)."""
+    """The same of the held-out runs, shape (G, epochs)."""
 
 
 def read_actuator_fit(path: Path) -> ActuatorFit:
-    """Read what `tables.write_arrays` wrote; raise `StictionError` if something is missing or of another shape."""
+    """Read the result of `tables.write_arrays`; raise `StictionError` for a missing array or another shape."""
     fit = read_arrays(path, ActuatorFit, "run train-actuator again")
     signals = {fit.measured.shape, fit.net.shape, fit.baseline.shape}
     right = len(signals) == 1 and fit.measured.ndim == 2 and fit.time.shape == fit.measured.shape[:1]

@@ -1,6 +1,6 @@
-"""Evidence of the advice of `stiction identify`: commands followed after each training, a part a study.
+"""Evidence for the advice of `stiction identify`: commands followed after each training, one part per study.
 
-A study writes its own part, from its rows, with the command, the revision and the policies that they are of.
+A study writes its part, from its rows, with the command, the revision and the policies that they belong to.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from stiction.files.plain import read_object, take_version
 SCHEMA_VERSION = 3
 
 TRAINING = "friction-training"
-"""Name of the part by which a training is advised."""
+"""Name of the part that advises a training."""
 
 SHARES = ("coulomb", "real")
-"""Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
+"""Laws under which a level is a share of the torque limit and nothing else."""
 
 KINDS = {2: "biped", 4: "quadruped", 6: "hexapod"}
-"""Number of feet -> what such a robot is called."""
+"""Number of feet -> kind of robot, for readers."""
 
 
 @dataclass(frozen=True)
 class TrainedWith:
-    """How one training method was trained."""
+    """Friction in the training of one method."""
 
     method: str
     level: float
     """`--friction-level` [-]; 0 without friction."""
     low: float
-    """Least friction in training, over that level [-]."""
+    """Minimum friction in training, over that level [-]."""
     high: float
-    """Most of it [-]."""
+    """Maximum friction in training, over that level [-]."""
 
     @property
     def width(self) -> float:
@@ -46,35 +46,35 @@ class TrainedWith:
 
 @dataclass(frozen=True)
 class Source:
-    """The part of one study."""
+    """Part of one study."""
 
     command: str
     revision: str
     robot: str
-    """Robot that walked, on flat ground."""
+    """Name of the robot, on flat ground."""
     feet: int
     policies: tuple[str, ...]
     methods: Mapping[str, TrainedWith] = field(default_factory=dict)
     cells: tuple[CommandCount, ...] = ()
-    """Commands that each method follows, by engine and friction; every cell is of `policies`, and of no others."""
+    """Commands that each method follows, by engine and friction; every cell covers exactly `policies`."""
     tables: tuple[str, ...] = ()
     """Names of the tables with the rows of the cells: `cohort-physx.csv`."""
 
     @property
     def robot_text(self) -> str:
-        """The robot in words: `the hexapod Saturn Lite`."""
+        """Robot in words: `the hexapod Saturn Lite`."""
         return f"the {KINDS.get(self.feet, 'robot')} {robot_title(self.robot)}"
 
 
 def robot_title(name: str) -> str:
-    """Return a robot's name as people read it: `Saturn Lite` of `saturn_lite`; one that is no identifier stays."""
+    """Return a robot's name for readers: `Saturn Lite` of `saturn_lite`; other than identifiers unchanged."""
     return name.replace("_", " ").title() if name.isidentifier() else name
 
 
 def read_advice(path: Path) -> dict[str, Source]:
     """Return every study's part.
 
-    Raises `StictionError`: the file cannot be read, or is none of this version.
+    Raises `StictionError`: the file cannot be read, or has another version.
     """
     data = take_version(read_object(path, "what `stiction identify` advises by"), SCHEMA_VERSION, path.name)
     sources = data.get("sources")

@@ -1,9 +1,10 @@
-"""BAM's parameter files (better-actuator-models 1.0): one servo a JSON, read as a record of `joints.json`, and written.
+"""BAM's parameter files (better-actuator-models 1.0): one servo per JSON, read as a record of `joints.json`, and
+written.
 
-BAM's friction is b + e s + (c + e c_s) |τ_e − τ_m| + B |θ'| with e = exp(−|θ'/v_s|^α), by its models m1 (b, B), m2
-(and s), m3 (and c) and m4 (all); τ_m is the motor's torque, τ_e that from outside. At rest τ_e = −τ_m, so that its load
-is twice the motor's torque, of which our load coefficient is: ours is 2 c. Models m5 and m6 have a coefficient for each
-direction of the load, for which a record has no place: they are refused.
+BAM's friction is b + e s + (c + e c_s) |τ_e − τ_m| + B |θ'| with e = exp(−|θ'/v_s|^α), by its models m1 (b, B), m2 (and
+s), m3 (and c) and m4 (all); τ_m is the motor's torque, τ_e that from outside. At rest τ_e = −τ_m, so that its load is
+twice the motor's torque, on which our load coefficient is defined: ours is 2 c. Models m5 and m6 have a coefficient for
+each direction of the load, for which a record has no place: they are refused.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "m3": ("load_friction_base",),
     "m4": (*STRIBECK, "load_friction_base", "load_friction_stribeck"),
 }
-"""Model -> fields beside `armature`, `friction_base` and `friction_viscous`."""
+"""Model -> fields in addition to `armature`, `friction_base` and `friction_viscous`."""
 
 BASE = ("armature", "friction_base", "friction_viscous")
 """Fields of every model."""
@@ -44,7 +45,7 @@ LAWS = {"m1": "coulomb", "m2": "stribeck", "m3": "effort", "m4": "stribeck"}
 """Model -> friction law of the record."""
 
 ACTUATOR = "unitree_go1"
-"""BAM's motor that is driven by torque, in N m: that of a record which names no servo of BAM."""
+"""BAM's motor driven by torque, in N m: used for a record without a servo of BAM."""
 
 LOAD = 2.0
 """BAM's load over the motor's torque, at rest."""
@@ -58,14 +59,14 @@ def is_bam(data: dict[str, Any]) -> bool:
 def load_joints(path: Path) -> JointsFile:
     """Read and validate a `joints.json`, or a parameter file of BAM, whose servo is then the one record.
 
-    Raises `FileError` that names the field that is wrong.
+    Raises `FileError` naming the invalid field.
     """
     data = read_object(path, "the joints.json of identify")
     return JointsFile(dict([record_of_bam(data, path.name)])) if is_bam(data) else read_joints(data, path.name)
 
 
 def load_all_joints(paths: Sequence[Path]) -> JointsFile:
-    """Return the records of several files; raise `FileError` for two of one name."""
+    """Return the records of several files; raise `FileError` for two with one name."""
     records: dict[str, JointRecord] = {}
     for path in paths:
         for name, record in load_joints(path).joints.items():
@@ -76,9 +77,9 @@ def load_all_joints(paths: Sequence[Path]) -> JointsFile:
 
 
 def record_of_bam(data: dict[str, Any], where: str) -> tuple[str, JointRecord]:
-    """Return a servo's name and its record; `where` is named in messages. Raises `FileError` for what does not fit.
+    """Return a servo's name and its record; messages name `where`. Raises `FileError` for an unsupported file.
 
-    BAM states no intervals: each is the value itself, and a warning of the record says so.
+    BAM states no intervals: each is the value itself, with a warning in the record.
     """
     if not is_bam(data):
         raise FileError(f"{where}: got no 'model', 'actuator' and 'friction_base', expected a parameter file of BAM")
@@ -107,12 +108,12 @@ def record_of_bam(data: dict[str, Any], where: str) -> tuple[str, JointRecord]:
     if is_number(data.get("kt")) and is_number(data.get("R")) and data["R"] > 0:
         # kt and ke are one number in SI units.
         combinations[BRAKE] = _exact(value["friction_viscous"] + data["kt"] ** 2 / data["R"])
-    estimates: dict[str, Any] = {field: _exact(one) for field, one in known.items()}
+    estimates: dict[str, Any] = {field: _exact(number) for field, number in known.items()}
     law: dict[str, Any] = {
         "law": LAWS[model],
-        "parameters": {field: one.to_dict() for field, one in estimates.items()},
+        "parameters": {field: number.to_dict() for field, number in estimates.items()},
         "text": f"{LAWS[model]} friction, from BAM's {model} of {name}",
-        "bam": {field: one for field, one in data.items() if is_number(one) or field in ("model", "actuator")},
+        "bam": {field: number for field, number in data.items() if is_number(number) or field in ("model", "actuator")},
     }
     if "load_coefficient" in known:
         law |= {"regressor": "motor_torque", "load": LOAD_REGRESSORS["motor_torque"]}
@@ -128,15 +129,15 @@ def record_of_bam(data: dict[str, Any], where: str) -> tuple[str, JointRecord]:
 
 
 def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
-    """Return a record as a parameter file of BAM: m1, or m2 to m4 where it knows friction at rest or under load.
+    """Return a record as a parameter file of BAM: m1, or m2 to m4 with friction at rest or under load.
 
-    Raises `FileError` for a law that BAM does not have, and for what BAM would fill with a default of its own.
+    Raises `FileError` for a law that BAM does not have, and for a value that BAM would replace with a default.
     """
     record = record.usable()
     law = record.friction_law or {}
     kind = law.get("law", "coulomb")
     origin = law["bam"] if isinstance(law.get("bam"), dict) else {}
-    kept = {field: one for field, one in origin.items() if is_number(one)}
+    kept = {field: number for field, number in origin.items() if is_number(number)}
     if kind not in {*LAWS.values(), "load"} or law.get("over_strength"):
         raise FileError(f"record {name!r}: got the law {kind!r}, expected coulomb, stribeck, load or effort, in N m")
     chosen = {
@@ -178,5 +179,5 @@ def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
 
 
 def _exact(value: float) -> Estimate:
-    """Return a number that came without an interval."""
+    """Return a number as an estimate with an interval of zero width."""
     return Estimate(value, 0.0, (value, value))

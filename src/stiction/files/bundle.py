@@ -1,9 +1,9 @@
-"""A policy bundle: a directory of five files that holds everything needed to run a policy, and to check it.
+"""Policy bundle: a directory of five files with everything needed to run a policy, and to check it.
 
-A sixth, wear.json, may hold a map from the policy's walk to the friction of its joints. Checksums find accidents:
-whoever can write all files can write a consistent bundle of another policy. Signatures find authors: SHA256SUMS.sig,
-a seventh file that may be there, is the maker's Ed25519 signature of SHA256SUMS, which lists all others. Without one,
-compare `Bundle.digest` with what the maker published.
+A sixth, wear.json, may hold a map from the policy's walk to the friction of its joints. Checksums detect accidents:
+anyone who can write all files can write a consistent bundle of another policy. Signatures prove authorship:
+SHA256SUMS.sig, an optional seventh file, is the maker's Ed25519 signature of SHA256SUMS, which lists all others.
+Without it, compare `Bundle.digest` with the digest that the maker published.
 
 A policy record is a bundle without its golden.npz, the largest file next to the network. SHA256SUMS still lists it, so
 that the digest stays the bundle's. A record walks in simulation; nothing proves that its network computes as recorded.
@@ -28,28 +28,28 @@ from stiction.files.wear import WearModel, read_wear
 POLICY, CONTRACT, GOLDEN, CARD, SUMS = "policy.onnx", "contract.json", "golden.npz", "card.md", "SHA256SUMS"
 
 BOUND_FILES = (CONTRACT, POLICY, CARD)
-"""Files whose SHA-256 the golden vectors repeat; after them `WEAR`, where there is one."""
+"""Files whose SHA-256 the golden vectors repeat; `WEAR` follows, if present."""
 
 FILES = (CARD, CONTRACT, GOLDEN, POLICY)
-"""Files that SHA256SUMS lists, in its order; after them `WEAR`, where there is one."""
+"""Files that SHA256SUMS lists, in its order; `WEAR` follows, if present."""
 
 WEAR = "wear.json"
-"""The map of the wear monitor, a file that a bundle may have."""
+"""Map of the wear monitor, an optional file."""
 
 SIGNATURE, SIGNATURE_SIZE = "SHA256SUMS.sig", 64
-"""The maker's signature of SHA256SUMS, a file that a bundle may have, and its size [B]. No checksum covers it."""
+"""Maker's signature of SHA256SUMS, an optional file, and its size [B]. No checksum covers it."""
 
 GOLDEN_LINE = re.compile(rb"^([0-9a-f]{64})  golden\.npz$", re.MULTILINE)
-"""Line of SHA256SUMS on the golden vectors, which a policy record has too."""
+"""Line of SHA256SUMS for the golden vectors, also in a policy record."""
 
 MAX_BYTES = {POLICY: 32 * 2**20, GOLDEN: 32 * 2**20, CONTRACT: 4 * 2**20, WEAR: 4 * 2**20, CARD: 2**20, SUMS: 4096}
 MAX_BYTES |= {SIGNATURE: SIGNATURE_SIZE}
-"""Largest size of each file [B]: tens of times what ours have, and together no burden to a small computer."""
+"""Maximum size of each file [B]: tens of times that of the shipped bundles, and small enough for a small computer."""
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """A bundle that was read whole, its checksums and its contract checked. What was hashed is what is used."""
+    """Bundle as read, with its checksums and its contract checked; all uses are of the hashed bytes."""
 
     name: str
     contract: Contract
@@ -57,31 +57,31 @@ class Bundle:
     vectors: Golden | None
     card: str
     digest: str
-    """SHA-256 of SHA256SUMS: one number that names the whole bundle."""
+    """SHA-256 of SHA256SUMS, which identifies the whole bundle."""
     size: int
     """Size of all files together [B]."""
     wear: WearModel | None = None
-    """The map of the wear monitor, checked; None where there is none."""
+    """Map of the wear monitor, checked; or None."""
     wear_bound: bool = False
-    """Whether the golden vectors say that the map belongs to this very policy; of an older bundle they do not."""
+    """True if the golden vectors bind the map to this policy; in older bundles they do not."""
     sums: bytes = b""
     signature: bytes | None = None
-    """SHA256SUMS.sig, not checked here; None where there is none."""
+    """SHA256SUMS.sig, not checked here; or None."""
 
     @property
     def golden(self) -> Golden:
-        """Return the golden vectors; raise `BundleError` for a policy record."""
+        """Golden vectors; raises `BundleError` for a policy record."""
         if self.vectors is None:
             raise BundleError(_missing(self.name, GOLDEN))
         return self.vectors
 
 
 Vouch = Callable[[bytes, bytes | None], None]
-"""Called with SHA256SUMS and its signature, or None; raises `StictionError` where they are not to be trusted."""
+"""Function of SHA256SUMS and its signature, or None; raises `StictionError` for untrusted ones."""
 
 
 def reread_bundle(path: Path | str, digest: str) -> Bundle:
-    """Return a bundle that another process has checked; raise `BundleError` where its digest is another one since."""
+    """Return a bundle that another process has checked; raise `BundleError` where its digest has changed since."""
 
     def compare(sums: bytes, signature: bytes | None) -> None:
         if (current := _sha256(sums)) != digest:
@@ -94,11 +94,11 @@ def reread_bundle(path: Path | str, digest: str) -> Bundle:
 
 
 def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, allow_record: bool = False) -> Bundle:
-    """Read a bundle; check the set of files, sizes, checksums, contract, and what the golden vectors bind.
+    """Read a bundle; check the set of files, sizes, checksums, contract, and the bindings of the golden vectors.
 
     vouch: called once SHA256SUMS was compared with every file, before any of them is interpreted. allow_record: read a
-    policy record too. Raises `BundleError`: a file missing, too many, a link, too large, malformed, or not what
-    SHA256SUMS or golden.npz say it is.
+    policy record too. Raises `BundleError`: a file missing, too many, a link, too large, malformed, or different from
+    SHA256SUMS or golden.npz.
     """
     folder = Path(path)
     contents = _read_files(folder, allow_record)
@@ -150,14 +150,14 @@ def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, a
 
 
 def listed(names: Collection[str]) -> tuple[str, ...]:
-    """Return the files that SHA256SUMS lists, in its order, of a bundle that has the files `names`."""
+    """Return the files that SHA256SUMS lists, in its order, for a bundle with the files `names`."""
     return (*FILES, WEAR) if WEAR in names else FILES
 
 
 def write_bundle(
     path: Path | str, contract: Contract, policy: bytes, golden: Golden, card: str, wear: WearModel | None = None
 ) -> Path:
-    """Write a bundle to a directory that does not exist yet, whole or not at all; return its path.
+    """Write a bundle to a new directory, atomically; return its path.
 
     Raises `BundleError`: the directory exists already.
     """
@@ -194,7 +194,7 @@ def _missing(folder: Path | str, name: str) -> str:
 
 
 def _read_files(folder: Path, allow_record: bool) -> dict[str, bytes]:
-    """Read the five files, wear.json and signature where they are, and nothing but plain files of a bounded size.
+    """Read the five files, wear.json and signature if present, and only plain files of a bounded size.
 
     allow_record: golden.npz may be missing.
     """
@@ -203,21 +203,21 @@ def _read_files(folder: Path, allow_record: bool) -> dict[str, bytes]:
         raise BundleError(f"{folder} {what}; expected a policy bundle, a directory with {', '.join((*FILES, SUMS))}")
     try:
         # The status of what lies there itself: a link is seen as one, and not followed.
-        found = {entry.name: entry.lstat() for entry in folder.iterdir()}
+        entries = {entry.name: entry.lstat() for entry in folder.iterdir()}
     except OSError as error:
         raise BundleError(f"{folder}: cannot be listed: {error.strerror}") from error
-    if not found.keys() & {*FILES, SUMS}:
+    if not entries.keys() & {*FILES, SUMS}:
         inside = folder / "bundle"
         raise BundleError(
-            f"{folder} is no policy bundle, it has none of {', '.join((*FILES, SUMS))}; "
+            f"{folder} is not a policy bundle: it has none of {', '.join((*FILES, SUMS))}; "
             + (f"did you mean {inside}?" if inside.is_dir() else "name the directory of one")
         )
     for name in (*FILES, SUMS):
-        if name not in found and not (name == GOLDEN and allow_record):
+        if name not in entries and not (name == GOLDEN and allow_record):
             raise BundleError(_missing(folder, name))
-    if extra := sorted(found.keys() - {*FILES, SUMS, WEAR, SIGNATURE}):
+    if extra := sorted(entries.keys() - {*FILES, SUMS, WEAR, SIGNATURE}):
         raise BundleError(f"{folder}: {extra[0]} does not belong into a policy bundle; remove it or export again")
-    for name, status in found.items():
+    for name, status in entries.items():
         if not stat.S_ISREG(status.st_mode):
             raise BundleError(f"{folder}: {name} is not a plain file; links and directories are refused")
         if name == SIGNATURE and status.st_size != SIGNATURE_SIZE:
@@ -227,7 +227,7 @@ def _read_files(folder: Path, allow_record: bool) -> dict[str, bytes]:
         if status.st_size > MAX_BYTES[name]:
             raise BundleError(f"{folder}: {name} has {status.st_size} bytes; at most {MAX_BYTES[name]} are read")
     # Bounded once more: a file may have grown meanwhile.
-    return {name: read_bounded(folder / name, "what export wrote", BundleError, MAX_BYTES[name]) for name in found}
+    return {name: read_bounded(folder / name, "what export wrote", BundleError, MAX_BYTES[name]) for name in entries}
 
 
 def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:
@@ -244,12 +244,12 @@ def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:
 
 
 def shipped_folder() -> Path:
-    """Return the package's folder of bundles, which need not be there."""
+    """Return the package's folder of bundles, which may be missing."""
     return Path(str(resources.files("stiction").joinpath("policies")))
 
 
 def shipped_bundles() -> dict[str, Path]:
-    """Return name -> directory of every shipped bundle, in alphabetical order; empty where none came along."""
+    """Return name -> directory of every shipped bundle, in alphabetical order; empty without any."""
     folder = shipped_folder()
     if not folder.is_dir():
         return {}
@@ -257,9 +257,9 @@ def shipped_bundles() -> dict[str, Path]:
 
 
 def find_bundle(name: Path) -> Path:
-    """Return the directory that `name` means: a path, or the name of a shipped bundle where no such path exists.
+    """Return the directory of `name`: a path, or the name of a shipped bundle where no such path exists.
 
-    Raises `BundleError` where a name, without folders before it, is neither.
+    Raises `BundleError` for a name without folders that is neither.
     """
     if name.exists() or len(name.parts) > 1:
         return name

@@ -1,11 +1,11 @@
-"""The contract of a policy: everything that a runtime must know to run it, as one validated record.
+"""Contract of a policy: everything that a runtime needs to run it, as one validated record.
 
 A runtime computes `target = standing + action_scale * clip(network(observation), ±action_clip)` once per control period
 and holds it; the joint controller applies `kp (target - position) - kd velocity`, limited to the torque limit.
 
-A frame is the concatenation of terms, o_prio of the paper; the policy's input is the last `history_length` frames,
-o_H, flattened, oldest frame first. Right after a reset every frame of the history is the first one. Policies that were
-trained elsewhere may stack otherwise, term by term or newest first: see `observation`.
+A frame is the concatenation of terms, o_prio of the paper; the policy's input is the last `history_length` frames, o_H,
+flattened, oldest frame first. Right after a reset every frame of the history is the first one. Imported policies may
+stack differently, term by term or newest first: see `observation`.
 """
 
 from __future__ import annotations
@@ -48,26 +48,26 @@ PHASES = {1: "one phase", 2: "two phases"}
 MOST_JOINTS = 256
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(chain(*ERAS), 2)
-"""Field that came later -> the last version in which it may be missing; it is then its default."""
+"""Field added later -> the last version in which it may be missing; it then has its default."""
 
 
 @dataclass(frozen=True)
 class Contract:
-    """What a policy expects of the robot and of the runtime. Sequences over joints have the order of `joint_names`."""
+    """Requirements of a policy on robot and runtime. Sequences over joints have the order of `joint_names`."""
 
     robot: str
     terrain: str
     """Terrain trained on: `flat`."""
     method: str
-    """Training method with friction: `none`, `direct`, `deception`, or one of another distribution, a name alone."""
+    """Training method with friction: `none`, `direct`, `deception`, or the name of one of another distribution."""
     seed: int
     friction_law: str
     """Law of the joint friction in training: `coulomb`, see `stiction.joints.friction`."""
     friction_level: float
-    """Nominal dry friction as a fraction of each joint's torque limit [-], a mean over joints where it was measured; of
-    the laws `load` and `effort`, their coefficient [-]."""
+    """Nominal dry friction as a fraction of each joint's torque limit [-], a mean over joints where it was measured;
+    for the laws `load` and `effort`, their coefficient [-]."""
     friction_range: tuple[float, float]
-    """Range of the dry friction that training drew from, in the unit of `friction_level`."""
+    """Range of the dry friction in training, in the unit of `friction_level`."""
     joint_names: tuple[str, ...]
     """Names of the joints, in the order of every vector over joints."""
     control_period: float
@@ -86,13 +86,13 @@ class Contract:
     upper: tuple[float, ...]
     """Upper joint limits [rad]."""
     torque_limit: tuple[float, ...]
-    """Largest torques of the motors [N m]."""
+    """Torque limits of the motors [N m]."""
     armature: tuple[float, ...]
-    """Nominal inertias of the rotors, at the joint, that training varied [kg m²]."""
+    """Nominal rotor inertias at the joint, which training varied [kg m²]."""
     damping: tuple[float, ...]
-    """Nominal viscous friction that training varied [N m s/rad]."""
+    """Nominal viscous friction, which training varied [N m s/rad]."""
     friction: tuple[float, ...]
-    """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`. Of the
+    """Nominal dry friction, which training varied [N m]; `friction_level` is its mean share of `torque_limit`. For the
     laws `load` and `effort` the coefficient of each joint [-]; `friction_level` is their mean."""
     observation: ObservationLayout
     action_scale: float | tuple[float, ...]
@@ -104,57 +104,57 @@ class Contract:
     joints_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
     actuator: Mapping[str, str] | None = None
-    """`name` and `sha256` of the Actuator Net that gave the torque in training in place of kp and kd, or None."""
+    """`name` and `sha256` of the Actuator Net that replaced kp and kd in training, or None."""
     torque_source: str | None = None
-    """Where the torque was measured that this net gives: `motor_side`, or `output_side`, behind the gear; None without
-    a net, and in older contracts."""
+    """Place of the torque measurement of this net: `motor_side`, or `output_side`, behind the gear; None without a net,
+    and in older contracts."""
     action_offset: str = "standing"
-    """What the scaled action is added to; only `standing` is known."""
+    """Offset of the scaled action; only `standing` is supported."""
     quaternion_order: str = "wxyz"
-    """Order of the entries of the orientation; only `wxyz` is known."""
+    """Order of the entries of the orientation; only `wxyz` is supported."""
     compensation: tuple[float, ...] | None = None
-    """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None; see
+    """Maximum shift of each target by the runtime, the compensated share of f over kp [rad], or None; see
     `joints.compensation.compensated`, with v_s and v_f of `compensation_speeds` and the width `compensation_width`."""
     stribeck: tuple[float, float] | None = None
-    """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s],
-    the middle where robots differed and `settings` has the ends; else None."""
+    """Numbers of the law `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s], the
+    middle where robots differed and `settings` has the ends; None for other laws."""
     known_friction: Mapping[str, float] | None = None
     """Default of the term `known_friction`: kind of joint -> dry friction as a fraction of the torque limit [-]. None
-    without that term, and where it must be given before the first step."""
+    without that term, and where it must be set before the first step."""
     known_friction_file: Mapping[str, str] | None = None
-    """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
+    """`name` and `sha256` of the joints.json with `known_friction`; None: the nominal friction of training."""
     imported: Mapping[str, str] | None = None
-    """`name` and `sha256` of the network of a policy that was trained elsewhere, whose training is not known; `preset`
-    and `assumed` where a trainer's standard task filled fields that no file says: its name, theirs."""
+    """`name` and `sha256` of the network of an imported policy, whose training is unknown; `preset` and `assumed` where
+    a trainer's standard task filled fields that no file has: its name, theirs."""
     friction_load: tuple[float, float] | None = None
-    """Range of the coefficient of friction that grows with load (the law `load`) that training drew from beside
+    """Range in training of the coefficient of friction that grows with load (the law `load`), in addition to
     `friction_range` [1], or None."""
     friction_spread: tuple[float, float] | None = None
-    """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or each
-    its own."""
+    """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or
+    independent ones."""
     disturber: str | None = None
-    """What disturbed the robots while they learned, by the words of a method that does so; None: nothing."""
+    """Disturbance of the robots during training, in the words of its method; None: no disturbance."""
     phases: int | None = None
-    """Phases of the training: 1, what walked in it is deployed; 2, a teacher and its student. None: an older bundle."""
+    """Phases of the training: 1, its policy is deployed; 2, a teacher and its student. None: an older bundle."""
     anatomy: Robot | None = None
-    """The whole robot, held joints and the maker's order included; places and axes of joints are in the base's frame (x
+    """Complete robot, with held joints and the maker's order; places and axes of joints are in the base's frame (x
     forward, y left, z up) where all angles are zero. None: an older bundle, of the shipped robot of its name."""
     command_range: Mapping[str, tuple[float, float]] | None = None
-    """Velocity commands that training drew from: ends of `forward`, `sideways` [m/s], `turn` [rad/s]; None: older."""
+    """Velocity commands in training: ends of `forward`, `sideways` [m/s], `turn` [rad/s]; None: older."""
     settings: Mapping[str, Any] | None = None
     """Settings of the training that differ from the defaults of the code, by their dotted names on the command line:
-    `teacher.quiet`: 30; numbers, texts, or lists of them. None: an older bundle, or trained elsewhere."""
+    `teacher.quiet`: 30; numbers, texts, or lists of them. None: an older bundle, or an imported one."""
     compensation_width: float = 0.05
-    """Distance of the target at which all of it is added [rad]; with speeds, to a joint at rest."""
+    """Distance to the target at which all of it is added [rad]; with speeds, to a joint at rest."""
     compensation_speeds: tuple[float, float] | None = None
-    """v_s and v_f [rad/s]; None: the speed plays no part, as in older bundles."""
+    """v_s and v_f [rad/s]; None: the speed is ignored, as in older bundles."""
     target_limits: Mapping[str, float] | None = None
-    """Limits of joint targets that every control step applies: `slew`, largest speed of a target [rad/s], and `margin`,
-    distance that it keeps from the joint's limits [rad]; see `deploy.control`. None: an older bundle has none."""
+    """Limits of joint targets that every control step applies: `slew`, maximum speed of a target [rad/s], and `margin`,
+    minimum distance to the joint's limits [rad]; see `deploy.control`. None: an older bundle has none."""
     command_correction: Mapping[str, float] | None = None
     """Integral action on the velocity command in every control step: `time` [s], `share` of the command and `least`
-    [m/s, rad/s]; see `deploy.control`. The network then has a second output, the velocity of the base. None: the
-    policy gets the command as it is."""
+    [m/s, rad/s]; see `deploy.control`. The network then has a second output, the velocity of the base. None: the policy
+    gets the command unchanged."""
     schema_version: int = SCHEMA_VERSION
 
     def __post_init__(self) -> None:
@@ -171,12 +171,12 @@ class Contract:
 
     @property
     def largest_load(self) -> float:
-        """Largest friction in training for each torque that a joint transmits [1]; 0 where none grew with the load."""
+        """Maximum friction in training per torque that a joint transmits [1]; 0 where none grew with the load."""
         return 0.0 if self.friction_load is None else self.friction_load[1]
 
     @property
     def met_friction(self) -> bool:
-        """True if its joints had dry friction while it learned, as far as that is known."""
+        """True if its joints had dry friction during training, as far as known."""
         return max(self.friction_range[1], self.largest_load) > 0.0
 
     @property
@@ -186,7 +186,7 @@ class Contract:
 
     @property
     def trained(self) -> str:
-        """What dry friction its joints had while it learned, in words: the name of a way to train on every page."""
+        """Dry friction of its joints during training, in words: the name of a way to train on every page."""
         (low, high), load = self.friction_range, self.largest_load
         if self.imported is not None:
             return "elsewhere"
@@ -205,34 +205,34 @@ class Contract:
 
     @property
     def rise(self) -> tuple[float, float]:
-        """Friction at rest over that in motion in training, lowest and highest [1]."""
+        """Static over dynamic friction in training, lowest and highest [1]."""
         return (1.0, 1.0) if self.stribeck is None else ends_of((self.settings or {}).get(RISE[0], self.stribeck[0]))
 
     @property
     def law(self) -> Law:
-        """Law of the joint friction in training; of numbers that robots differed in, the middle."""
+        """Law of the joint friction in training; the middle of numbers that robots differed in."""
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
 
     @property
     def push(self) -> PushCfg:
-        """How the direction of `compensation` is found."""
+        """Direction of the push of `compensation`."""
         slow, fade = self.compensation_speeds or (math.inf, math.inf)
         return PushCfg(slow=slow, width=self.compensation_width, fade=fade)
 
     @property
     def observes_friction(self) -> bool:
-        """Whether the policy observes the friction of its joints."""
+        """True if the policy observes the friction of its joints."""
         return self.observation.has(TERM)
 
     @property
     def known_friction_array(self) -> np.ndarray | None:
         """`known_friction` as an array [-], shape (kinds,), in the order of the joints; None where that is None."""
-        given = self.known_friction
-        return None if given is None else np.array([given[kind] for kind in dict.fromkeys(self.kinds)])
+        shares = self.known_friction
+        return None if shares is None else np.array([shares[kind] for kind in dict.fromkeys(self.kinds)])
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What each joint is; of an older bundle, as its name tells."""
+        """Kind of each joint; in an older bundle, by its name."""
         if self.anatomy is None:
             return kinds_of(self.joint_names)
         return tuple(joint.kind for joint in self.anatomy.joints)
@@ -259,8 +259,7 @@ class Contract:
 def read_contract(text: bytes) -> Contract:
     """Parse the bytes of a contract.json.
 
-    Raises `BundleError`: not JSON, of another version, a field missing, unknown, of the wrong type or size, or not
-    finite.
+    Raises `BundleError`: not JSON, another version, a field missing, unknown, of the wrong type or size, or not finite.
     """
     data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
     version = data.get("schema_version", SCHEMA_VERSION)
@@ -313,13 +312,13 @@ def _check_joints(contract: Contract) -> None:
 
 
 OF_ROBOT = ("torque_limit", "lower", "upper", "kp", "kd", "action_scale")
-"""Fields that contract and robot have under one name, and must have alike."""
+"""Fields with one name in contract and robot, which must be equal."""
 
 
 def _check_anatomy(contract: Contract) -> None:
-    """Check that the robot is the one whose name, joints, limits, gains, pose and motors the contract has.
+    """Check that name, joints, limits, gains, pose and motors of the robot are the contract's.
 
-    Motors that a joints.json gave, in `joints_file`, may be others.
+    Motors from a joints.json, in `joints_file`, may differ.
     """
     robot = contract.anatomy
     if robot is None:
@@ -340,9 +339,9 @@ def _check_anatomy(contract: Contract) -> None:
 
 
 def _check_friction(contract: Contract) -> None:
-    """Check that the law has its numbers, and that the level is the mean of what the joints have.
+    """Check that the law has its numbers, and that the level is the mean over the joints.
 
-    Of torques it is the mean share of the limit, of coefficients their mean.
+    For torques it is the mean share of the limit, for coefficients their mean.
     """
     law, shape = contract.friction_law, contract.stribeck
     # Laws can be registered later than this module is imported.
@@ -360,45 +359,47 @@ def _check_friction(contract: Contract) -> None:
 
 
 def _check_known_friction(contract: Contract) -> None:
-    """Check that known friction is that of the kinds of joints, and there only where the policy observes it."""
-    given, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
-    if not contract.observes_friction or given is None:
-        expect(given is None, "known_friction", given, f"null: the observation has no term {TERM!r}")
+    """Check that known friction covers the kinds of joints, and exists only where the policy observes it."""
+    known, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
+    if not contract.observes_friction or known is None:
+        expect(known is None, "known_friction", known, f"null: the observation has no term {TERM!r}")
         file = contract.known_friction_file
         expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
     allowed, expected = SHARE
-    right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
-    expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")
+    right = isinstance(known, Mapping) and set(known) == set(kinds) and all(map(allowed, known.values()))
+    expect(right, "known_friction", known, f"an object with {expected} for each of {', '.join(kinds)}, or null")
 
 
 ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
-"""Field in which a robot has to be the contract's -> what it is: the policy learned to walk with these."""
+"""Field in which a robot must equal the contract -> its name in messages: the policy learned to walk with these."""
 
 
 def limits_text(contract: Contract, robot: Robot) -> str | None:
-    """Return the torque limits in which a contract differs from a robot of the same joints, in words; None: in none."""
-    own = dict(zip(contract.joint_names, contract.torque_limit, strict=True))
+    """Return the torque limits in which a contract differs from a robot of the same joints, in words; None: all
+    equal.
+    """
+    limits = dict(zip(contract.joint_names, contract.torque_limit, strict=True))
     other = dict(zip(robot.joint_names, robot.joint_values("torque_limit").tolist(), strict=True))
     changed: dict[tuple[float, float], list[str]] = {}
-    for name, limit in own.items():
+    for name, limit in limits.items():
         if name in other and not math.isclose(limit, other[name], rel_tol=1e-6):
             changed.setdefault((limit, other[name]), []).append(name)
     if not changed:
         return None
     return ", ".join(
         f"{limit:.4g} N m at {names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''} (of {robot.name} "
-        f"{there:.4g})"
-        for (limit, there), names in changed.items()
+        f"{expected:.4g})"
+        for (limit, expected), names in changed.items()
     )
 
 
 def robot_of(contract: Contract, robot: str | None = None) -> Robot:
-    """Return the robot that a contract was made for, checked against it.
+    """Return the robot of a contract, checked against it.
 
-    It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
-    place: a path, or `package.module:NAME`, which runs that module. Raises `StictionError`: the robot is unknown, or
-    its joints, torque limits or gains are not those of the contract.
+    It is the contract's own; for an older bundle the shipped one of its name. `robot` names another one to use instead:
+    a path, or `package.module:NAME`, which runs that module. Raises `StictionError`: the robot is unknown, or its
+    joints, torque limits or gains differ from the contract's.
     """
     if robot is None and contract.anatomy is not None:
         return contract.anatomy
@@ -422,11 +423,10 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
 def contract_of_others(
     robot: Robot, control_period: float, decimation: int, observation: ObservationLayout, **more: Any
 ) -> Contract:
-    """Return the contract of a policy that was trained elsewhere: joints, gains and pose are the robot's.
+    """Return the contract of an imported policy: joints, gains and pose are the robot's.
 
     robot: as the policy knows it; control_period: time between two actions [s]; decimation: physics steps in it;
-    observation: what the policy sees; more: further fields; `action_clip`, `revision` and `command` have to be among
-    them.
+    observation: input of the policy; more: further fields, among them `action_clip`, `revision` and `command`.
     """
     names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
     names |= {name: name for name in ("lower", "upper", "armature", "damping")}

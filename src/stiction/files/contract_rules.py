@@ -1,7 +1,7 @@
-"""What a field of a contract may be: numbers that some robot could have, and words from a list.
+"""Rules of the fields of a contract: numbers that a robot could have, and words from a list.
 
-Every bound is far outside what robots are. Within them a wrong number may still be wrong; beyond them it is surely no
-robot's, and a computer that took it would wait, overflow, or move something with all its force.
+Every bound is far outside the range of robots. Within it a number may still be wrong; beyond it, it is of no robot, and
+a computer that used it would wait, overflow, or move something with all its force.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from stiction.files.velocity import COMMANDS
 
 
 class Rule(NamedTuple):
-    """What a value may be."""
+    """Condition on a value."""
 
     allowed: Callable[[Any], bool]
     expected: str
 
 
 LONGEST = 4096
-"""Characters of a text."""
+"""Maximum length of a text."""
 
 
 def _between(low: float, high: float, unit: str = "") -> Rule:
@@ -35,7 +35,7 @@ def _integer(low: int, high: int) -> Rule:
 
 
 def one_of(*values: Any) -> Rule:
-    """Return the rule of a field that takes some values alone."""
+    """Return the rule of a field with a list of values."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
     # To Python, True is in (1, 2).
     return Rule(lambda value: value in values and not isinstance(value, bool), words)
@@ -52,7 +52,7 @@ def expect(condition: bool, field: str, value: object, expected: str) -> None:
 
 
 def is_name(value: Any) -> bool:
-    """Return whether a value is a text that can be printed, of a length that a name has."""
+    """Return whether a value is a printable text of the length of a name."""
     return is_text(value) and len(value) <= 128 and value.isprintable()
 
 
@@ -70,7 +70,7 @@ def _has(value: Any, names: Any) -> bool:
 
 
 def _object(rules: Mapping[str, Rule], expected: str) -> Rule:
-    """Return the rule of null, or of an object with exactly these keys, each by its rule."""
+    """Return the rule of null, or of an object with exactly these keys, each with its rule."""
     return _or_null(
         lambda value: _has(value, rules) and all(rule.allowed(value[name]) for name, rule in rules.items()),
         f"an object with {expected}",
@@ -93,27 +93,27 @@ def _is_imported(value: Any) -> bool:
 
 ANGLE = _between(-1000.0, 1000.0, " rad")
 SHARE = _between(0.0, 10.0)
-"""Friction over a torque limit, or a coefficient: a joint that has as much as its motor is stuck."""
+"""Range of friction over a torque limit, or of a coefficient: at 1 a joint is stuck."""
 
 JOINT_SPEED = _between(1e-4, 100.0, " rad/s")
 
 TARGET_RULES = {"slew": _between(0.1, 1000.0, " rad/s"), "margin": _between(0.0, 1.0, " rad")}
 
 TARGET_LIMITS = {"slew": 40.0, "margin": 0.02}
-"""Limits of new bundles, and of a robot's runtime where an older one says none: 0.8 rad in a control period of 20 ms,
-more than the shipped policies ask for (results/deploy)."""
+"""Default limits of new bundles, and of a robot's runtime for an older one: 0.8 rad in a control period of 20 ms, more
+than the shipped policies request (results/deploy)."""
 
 CORRECTION_RULES = {"time": _between(0.1, 100.0, " s"), "share": _between(0.0, 1.0), "least": _between(0.0, 0.2)}
 
 COMMAND_CORRECTION = {"time": 1.0, "share": 0.6, "least": 0.05}
-"""Correction of new bundles: integral action over a stride or two, at most 60 % of the command, and 0.05 m/s (rad/s)
-against a drift."""
+"""Default correction of new bundles: integral action over a stride or two, at most 60 % of the command, and 0.05 m/s
+(rad/s) against a drift."""
 
 SPEED_RATIO = (_between(1.0, 10.0), JOINT_SPEED)
-"""Friction at rest over friction in motion, and the speed of Stribeck's law."""
+"""Rules of static over dynamic friction, and of the speed of Stribeck's law."""
 
 VELOCITY = _between(-100.0, 100.0)
-"""Commanded [m/s], [rad/s]."""
+"""Ranges of a commanded velocity [m/s], [rad/s]."""
 
 TEXT = Rule(
     lambda value: is_text(value) and len(value) <= LONGEST and all(c.isprintable() or c == "\n" for c in value),
@@ -124,7 +124,7 @@ FILE = _or_null(_is_file, "an object with 'name' and 'sha256', 64 hexadecimal di
 RANGE = Rule(lambda value: _is_range(value, SHARE), "two numbers, 0 <= low <= high <= 10")
 
 MOST_SETTINGS, MOST_IN_LIST, LONGEST_SETTING, LARGEST_SETTING = 512, 256, 512, 1e300
-"""Settings of a training, entries of one that is a list, characters of one that is a text, and size of a number."""
+"""Maximum number of settings of a training, entries of a list, characters of a text, and size of a number."""
 
 
 def _is_scalar(value: Any) -> bool:
@@ -135,11 +135,11 @@ def _is_scalar(value: Any) -> bool:
 
 
 def _are_settings(value: Any) -> bool:
-    """Return whether a value is settings of a training by name."""
+    """Return whether a value is an object of settings of a training."""
     if not isinstance(value, Mapping) or len(value) > MOST_SETTINGS or not all(map(is_name, value)):
         return False
-    lists = [one if isinstance(one, list | tuple) else [one] for one in value.values()]
-    return all(len(one) <= MOST_IN_LIST and all(map(_is_scalar, one)) for one in lists)
+    lists = [item if isinstance(item, list | tuple) else [item] for item in value.values()]
+    return all(len(item) <= MOST_IN_LIST and all(map(_is_scalar, item)) for item in lists)
 
 
 SETTINGS = _or_null(
@@ -150,7 +150,7 @@ SETTINGS = _or_null(
 )
 
 UNKNOWN, IMPORTED = "unknown", "imported"
-"""Ground, and method, of a policy that was trained elsewhere."""
+"""Ground, and method, of an imported policy."""
 
 TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
 
@@ -158,10 +158,10 @@ METHOD = Rule(
     lambda value: isinstance(value, str) and re.fullmatch("[a-z][a-z0-9_-]{0,39}", value) is not None,
     "a name of 1 to 40 lower-case letters, digits, - and _",
 )
-"""Name of a training method, or of what disturbed a training: any installed distribution may have brought it."""
+"""Name of a training method, or of a disturbance, also of any installed distribution."""
 
 SCHEMA_VERSION = 2
-"""Version of contract.json. Version 1 is read as well; any other is refused."""
+"""Version of contract.json. Version 1 is read as well; all others are refused."""
 
 RULES: dict[str, Rule] = {
     "schema_version": one_of(SCHEMA_VERSION),
@@ -198,7 +198,7 @@ RULES: dict[str, Rule] = {
     ),
     "settings": SETTINGS,
 }
-"""Field -> what it may be, of those that do not depend on the number of joints."""
+"""Field -> its rule, for fields independent of the number of joints."""
 
 PER_JOINT: dict[str, Rule] = {
     **dict.fromkeys(("standing", "lower", "upper"), ANGLE),
@@ -211,6 +211,6 @@ PER_JOINT: dict[str, Rule] = {
     "compensation": _between(0.0, 3.2, " rad"),
     "action_scale": _between(1e-6, 10.0, " rad"),
 }
-"""Field with one number per joint, in the order of `joint_names` -> what each may be."""
+"""Field with one number per joint, in the order of `joint_names` -> the rule of each number."""
 
 TERM_RULES: dict[str, Rule] = {"scale": _between(1e-6, 1e6), "clip": _between(1e-6, 1e6)}

@@ -1,7 +1,7 @@
 """Consistency of a contract's record of its training: method, friction, commands, settings, and the age of the file.
 
-`settings` holds what differed from the defaults of the code, by name. A field of the contract that repeats a setting
-must have its value, or, where the setting is not listed, a default that some version had.
+`settings` holds the values that differed from the defaults of the code, by name. A field of the contract that repeats a
+setting must have its value, or, where the setting is not listed, a default of some version.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from stiction.core.errors import BundleError
 from stiction.files.contract_rules import IMPORTED, UNKNOWN, expect
 
 Contract = Any
-"""A `stiction.files.contract.Contract`, whose module imports this one."""
+"""`stiction.files.contract.Contract`, whose module imports this one."""
 
 FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct": (0.8, 1.2), "deception": (0.0, 1.2)}
 """Multiplier of the nominal dry friction in the last stage, by training method of the product.
 
 `none` is conventional randomisation, the paper's Table II without its friction row; `deception` has that row; `direct`
-has the range that the table gives every other joint parameter. Ranges of other methods are in their own distributions,
-and no contract is refused for them.
+has the range that the table gives every other joint parameter. Ranges of other methods are in their distributions, and
+are not checked.
 """
 
 OWN = (*FRICTION_RANGES, IMPORTED)
-"""Methods whose contracts are checked against them; of any other method the name says nothing."""
+"""Methods whose contracts are checked against them; other methods are not checked."""
 
 ERAS: tuple[tuple[str, ...], ...] = (
     ("stribeck", "actuator"),
@@ -41,7 +41,7 @@ ERAS: tuple[tuple[str, ...], ...] = (
     ("target_limits",),
     ("command_correction",),
 )
-"""Fields in the order in which version 2 got them; a file that has some of them has all that came before."""
+"""Fields in the order in which version 2 got them; a file with some of them has all earlier ones."""
 
 DEFAULTS: dict[str, tuple[Any, ...]] = {
     "task.friction.method": ("deception",),
@@ -64,10 +64,10 @@ DEFAULTS: dict[str, tuple[Any, ...]] = {
     "task.commands.standing-share": (0.1,),
     "student.iterations": (240,),
 }
-"""Setting -> every default that it has had; a new default is added, and no older one removed."""
+"""Setting -> all its defaults so far; a new default is added, and no older one removed."""
 
 RISE = ("task.friction.static-ratio", "task.friction.stribeck-velocity")
-"""Settings of what the contract has the middle of in `stribeck`: a number, or its lowest and highest."""
+"""Settings whose middle the contract has in `stribeck`: a number, or its lowest and highest."""
 
 REPEATED = {
     "method": "task.friction.method",
@@ -83,7 +83,7 @@ REPEATED = {
 
 
 def ends_of(value: Any) -> tuple[float, float]:
-    """Return the lowest and the highest of a setting that is a number or both of them; NaN where it is neither."""
+    """Return the lowest and the highest of a setting that is a number or a pair; NaN for anything else."""
     pair = value if isinstance(value, list | tuple) and len(value) == 2 else (value, value)
     low, high = (float(end) if is_number(end) else math.nan for end in pair)
     return low, high
@@ -117,7 +117,7 @@ def check_age(data: Mapping[str, Any], version: int) -> None:
 
 
 def check_training(contract: Contract) -> None:
-    """Reject a contract that was read and whose method, friction, motors and settings contradict each other."""
+    """Reject a contract whose method, friction, motors and settings contradict each other."""
     elsewhere, method = contract.method == IMPORTED, contract.method
     words = f"{UNKNOWN!r} with the method {IMPORTED!r}, and with no other"
     expect((contract.terrain == UNKNOWN) == elsewhere, "terrain", contract.terrain, words)
@@ -137,7 +137,7 @@ def check_training(contract: Contract) -> None:
 
 
 def _check_range(contract: Contract) -> None:
-    """Check that the range of friction is one that the method draws from."""
+    """Check that the range of friction is a range of the method."""
     level, (low, high), load = contract.friction_level, contract.friction_range, contract.largest_load
     usual = FRICTION_RANGES.get(contract.method, (0.0, 0.0))
     without = contract.method in ("none", IMPORTED)

@@ -1,4 +1,4 @@
-"""What `stiction excite` decided: `design.json`, and `design.npz` with the signals that its page draws."""
+"""Results of `stiction excite`: `design.json`, and `design.npz` with the signals that its page draws."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def percent(share: float) -> str:
 
 
 def two_digits(value: float) -> str:
-    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
+    """Return a number rounded to two digits, without an exponent in common ranges: 120, not 1.2e+02."""
     return f"{float(f'{value:.2g}'):g}"
 
 
@@ -37,39 +37,39 @@ def _with_unit(name: str) -> str:
 
 @dataclass(frozen=True)
 class Predicted:
-    """How well the log will show one parameter."""
+    """Predicted precision of one parameter."""
 
     name: str = field(metadata=column("", form=_with_unit))
-    """As in `joints.json`, or a combination with the motor strength k."""
+    """Name as in `joints.json`, or a combination with the motor strength k."""
     value: float = field(metadata=column("guess", form=".4g"))
-    """The guess that the prediction rests on."""
+    """Guess that the prediction is based on."""
     std: float = field(metadata=column("predicted std", form=".2g"))
     """Predicted standard deviation (Cramér–Rao) at the guess."""
     relative: float | None = field(metadata=column("of the guess", form=percent))
     """`std` over `value`; None where the guess is zero [1]."""
     worst_relative: float | None = field(metadata=column("at worst", form=percent))
-    """The largest over the range of guesses [1]."""
+    """Maximum over the range of guesses [1]."""
 
 
 @dataclass(frozen=True)
 class OneSine:
-    """How well A sin(ωt) shows them, of the same duration and within the same limits as the design."""
+    """Precision with A sin(ωt), of the same duration and within the same limits as the design."""
 
     frequency: float
     """[Hz]."""
     amplitude: float
-    """Of the target: the design's own, or as much of it as the limits allow [rad]."""
+    """Amplitude of the target: the design's, or as much of it as the limits allow [rad]."""
     relative: tuple[float, float, float]
     """Relative standard deviations of inertia, viscous and Coulomb friction at the guess [1]."""
     worst: float
-    """Largest of the three over the range of guesses [1]."""
+    """Maximum of the three over the range of guesses [1]."""
     correlation: float
-    """Of the estimates of viscous and Coulomb friction at the guess [1]."""
+    """Correlation of the estimates of viscous and Coulomb friction at the guess [1]."""
 
 
 @dataclass(frozen=True)
 class GainPoint:
-    """How well the design's trajectory shows Coulomb friction at other gains."""
+    """Precision of Coulomb friction with the design's trajectory at other gains."""
 
     kp: float
     """[N m/rad]."""
@@ -85,71 +85,71 @@ class GainPoint:
 
 @dataclass(frozen=True)
 class GainTrial:
-    """What gains promised before the search."""
+    """Result of one pair of gains before the search."""
 
     kp: float = field(metadata=column("kp", "N m/rad", "g"))
     """[N m/rad]."""
     kd: float = field(metadata=column("kd", "N m s/rad", "g"))
     """[N m s/rad]."""
     worst: float | None = field(metadata=column("worst deviation", form=percent))
-    """Largest relative standard deviation over the range of guesses, best of a few motions; None: none fits the
+    """Maximum relative standard deviation over the range of guesses, best of a few motions; None: none is within the
     limits."""
     reach: float = field(metadata=column("reach", form=".0%"))
     """Range of that motion over that of its target, for the joint that follows worst [1]."""
     tracks: bool = field(metadata=column("tracks"))
-    """Whether a log can be made at these gains."""
+    """True if a log can be made at these gains."""
 
 
 @dataclass(frozen=True)
 class ExcitationDesign:
-    """A designed log: how to run it, and how well it will show each parameter."""
+    """Designed log: its command, and the predicted precision of each parameter."""
 
     joint: str
     setup: dict[str, Any]
-    """Everything that the design was asked for, defaults filled in."""
+    """Requested settings, with the defaults."""
     gains: dict[str, float]
-    """kp [N m/rad] and kd [N m s/rad] to run at."""
+    """kp [N m/rad] and kd [N m s/rad] of the run."""
     advice: str
     pattern: dict[str, Any]
     pattern_duration: float
     """[s]."""
     repeats: int
-    """Patterns in the log."""
+    """Number of patterns in the log."""
     duration: float
-    """Of the log [s]."""
+    """Duration of the log [s]."""
     limits: dict[str, float]
     """`low`, `high` [rad], `speed` [rad/s], `torque` [N m]."""
     reached: dict[str, float]
-    """The same quantities, the furthest that any joint in the range of guesses goes, target included."""
+    """Extremes of the same quantities over all joints in the range of guesses, target included."""
     predicted: tuple[Predicted, ...]
     correlation: float
-    """Of the estimates of viscous and Coulomb friction at the guess [1]."""
+    """Correlation of the estimates of viscous and Coulomb friction at the guess [1]."""
     d_criterion: float
     """log det of the bound on the relative deviations of inertia, viscous and Coulomb friction, at the guess."""
     worst: float
-    """Largest relative standard deviation among those three over the range of guesses, which the search minimised."""
+    """Maximum relative standard deviation among those three over the range of guesses, which the search minimised."""
     wanted: dict[str, float]
-    """`relative`, the deviation of f asked for [1], and `duration`, the log that it takes in whole patterns [s]."""
+    """`relative`, the requested deviation of f, and `duration`, the log that it takes in whole patterns [s]."""
     sines: tuple[OneSine, ...]
     trials: tuple[GainTrial, ...]
-    """Gains that were compared, the given ones first."""
+    """Compared gains, the requested ones first."""
     sweep: tuple[GainPoint, ...]
     warnings: tuple[str, ...]
     command: str
 
     @property
     def torque_too(self) -> str:
-        """What to log beside the angle, for sentences."""
+        """Signals to log in addition to the angle, for sentences."""
         return "" if self.setup["position_only"] else " and motor torque"
 
     @property
     def test_condition(self) -> TestCondition:
-        """What hangs on the motor: a link in the air if gravity was given, else nothing."""
+        """Test condition: `in_air`, a link, if gravity was given, else `bare_motor`."""
         return "in_air" if self.setup["gravity_sin"] or self.setup["gravity_cos"] else "bare_motor"
 
     @property
     def next_command(self) -> str:
-        """The command for the log that the robot brings back."""
+        """Command for the resulting log."""
         name = shlex.quote(self.joint)
         source = "" if self.setup["position_only"] else " --torque-source motor_side"
         return (
@@ -164,28 +164,28 @@ class ExcitationDesign:
 
 
 def load_design(path: Path) -> ExcitationDesign:
-    """Read `design.json`; raise `StictionError` for a file that is not one."""
+    """Read `design.json`; raise `StictionError` for another file."""
     data = take_version(read_object(path, "a design of `stiction excite`"), SCHEMA_VERSION, path.name)
     return from_plain(ExcitationDesign, data, path.name)
 
 
 @dataclass(frozen=True)
 class DesignSignals:
-    """The simulated log; arrays of shape (num_samples,)."""
+    """Simulated log; arrays of shape (num_samples,)."""
 
     time: np.ndarray
     """[s]."""
     target: np.ndarray
     """[rad]."""
     position: np.ndarray
-    """At the guess [rad]."""
+    """Position at the guess [rad]."""
     velocity: np.ndarray
-    """At the guess [rad/s]."""
+    """Velocity at the guess [rad/s]."""
     torque: np.ndarray
-    """At the guess [N m]."""
+    """Torque at the guess [N m]."""
     position_low: np.ndarray
     position_high: np.ndarray
-    """Lowest and highest over the range of guesses [rad]; so are the others."""
+    """Lowest and highest position over the range of guesses [rad]; likewise the other signals."""
     velocity_low: np.ndarray
     velocity_high: np.ndarray
     torque_low: np.ndarray
@@ -193,7 +193,7 @@ class DesignSignals:
 
 
 def read_signals(path: Path) -> DesignSignals:
-    """Read `design.npz`; raise `StictionError` if a signal is missing or lengths differ."""
+    """Read `design.npz`; raise `StictionError` for missing signals or different lengths."""
     signals = read_arrays(path, DesignSignals, "run `stiction excite` again")
     if len({values.shape for values in vars(signals).values()}) != 1:
         raise FileError(f"{path.name}: its signals differ in length; run `stiction excite` again")

@@ -1,8 +1,8 @@
-"""Following: the one definition. Each commanded axis is judged alone, in the mean over walks and in the worst walk.
+"""Definition of following: each commanded axis is judged separately, in the mean over walks and in the worst walk.
 
 A cell, one policy under one friction and one command, follows when every commanded axis reaches 0.8 to 1.2 of the
 command or comes within 0.05 m/s (0.05 rad/s) of it in the mean over walks, every other axis stays within 0.1, no walk
-falls and none is under half of the command. Standing: a planar speed and a yaw rate under 0.05. Of virtual robots the
+falls and none is under half of the command. Standing: a planar speed and a yaw rate under 0.05. For virtual robots the
 slowest and the fastest are judged too, along the command. A policy follows at a friction when it follows every command
 there; a training, of three seeds or more, when each of them does.
 """
@@ -21,22 +21,22 @@ COMMAND_SET = (
     *("vx=0.2", "vx=-0.2", "vx=0.5", "vx=-0.5", "vx=0.8", "vx=-0.8", "vy=0.3", "vy=-0.3"),
     *("wz=0.5", "wz=-0.5", "wz=1", "wz=-1", "vx=0.4,wz=0.5", "vx=0.4,vy=0.2", STAND),
 )
-"""Commands that a policy has to follow, by their labels; `scaled_commands` fits them to a slower robot."""
+"""Command set, by labels; `scaled_commands` fits it to a slower robot."""
 
 EVERY = "all"
-"""Word in place of commands: the whole set, as `scaled_commands` has it."""
+"""Word for the whole command set, as in `scaled_commands`."""
 
 STALLS = 0.5
-"""Smallest share of the command in any single walk [-]."""
+"""Minimum share of the command in any single walk [-]."""
 
 NEAR = 0.05
-"""Distance from the command that counts as reached at any ratio; bound of the speed of standing [m/s, rad/s]."""
+"""Distance to the command that counts as reached at any ratio; bound of the speed of standing [m/s, rad/s]."""
 
 DRIFT = 0.1
-"""Largest mean velocity along an axis that is not commanded [m/s, rad/s]."""
+"""Maximum mean velocity along an axis that is not commanded [m/s, rad/s]."""
 
 Fault = Literal["falls", "too slow", "too fast", "drifts", "stalls"]
-"""Reason why a command is not followed, the gravest first; `drifts` also where a robot told to stand moves."""
+"""Reason why a command is not followed, the gravest first; `drifts` also if a robot that is told to stand moves."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class CommandVerdict:
     faults: tuple[Fault, ...]
     """Reasons why the command is not followed, the gravest first; empty: it is followed."""
     miss: float
-    """Distance of the mean velocity beyond the bounds, over all axes the largest [m/s, rad/s]; 0 within them."""
+    """Maximum distance of the mean velocity beyond the bounds, over all axes [m/s, rad/s]; 0 within them."""
 
     @property
     def follows(self) -> bool:
@@ -66,13 +66,13 @@ DEFINITION = (
     f"comes within {NEAR:g} m/s (rad/s), in the mean over walks, every other axis stays within {DRIFT:g}, no walk "
     f"falls and none is under {100 * STALLS:g} % of the command."
 )
-"""For pages."""
+"""Definition for pages."""
 
 
 def scaled_commands(reach: Sequence[float]) -> tuple[str, ...]:
-    """Return the labels of the command set, each axis scaled by min(1, reach / largest of the set).
+    """Return the labels of the command set, each axis scaled by min(1, reach / maximum of the set).
 
-    reach: largest vx, vy [m/s] and wz [rad/s] of the robot or policy, shape (3,). Commands that become equal are listed
+    reach: maximum vx, vy [m/s] and wz [rad/s] of the robot or policy, shape (3,). Commands that become equal are listed
     once.
     """
     velocities = [parse_command(text).velocity for text in COMMAND_SET]
@@ -119,7 +119,7 @@ def worst_command(rows: Iterable[ResultRow]) -> CommandVerdict | None:
 
 
 FEWEST_SEEDS = 3
-"""Training seeds from which on a training is said to follow, and not its seeds alone: a choice."""
+"""Minimum number of training seeds for a statement about a training: a choice."""
 
 
 @dataclass(frozen=True)
@@ -128,28 +128,28 @@ class CommandCount:
 
     method: str
     engine: str
-    """Engine, and what of a virtual robot is real in it."""
+    """Engine, with the imperfections of a virtual robot."""
     friction_law: str
     friction_level: float
     """Friction over the torque limit, or a coefficient [-]."""
     seeds: int
     follow_all: int
-    """Seeds that follow every command that any of them walked there."""
+    """Number of seeds that follow every command walked there."""
     cells: int
-    """Pairs of seed and command; of virtual robots that walked apart a pair for each."""
+    """Pairs of seed and command; for virtual robots that walked separately a pair for each."""
     followed: int
     miss: float
     """Mean distance beyond the bounds over the cells [m/s, rad/s]."""
     largest_miss: float
-    """Largest distance beyond the bounds [m/s, rad/s]."""
+    """Maximum distance beyond the bounds [m/s, rad/s]."""
     worst: str
-    """Command that misses by most, and its faults: `wz=0.5: too slow`; empty where all are followed."""
+    """Command that misses by most, and its faults: `wz=0.5: too slow`; empty if all are followed."""
     each: str = ""
     """Commands that each seed follows, separated by blanks; empty in older files."""
 
     @property
     def by_seed(self) -> tuple[int, ...]:
-        """Commands that each seed follows; empty where they are not known."""
+        """Commands that each seed follows; empty if unknown."""
         return tuple(map(int, self.each.split()))
 
     @property
@@ -159,7 +159,7 @@ class CommandCount:
 
     @property
     def covered(self) -> bool:
-        """True if every seed follows every command, of as many seeds as it takes to say so of the training."""
+        """True if every seed follows every command, with enough seeds for a statement about the training."""
         return self.every_seed and self.seeds >= FEWEST_SEEDS
 
     @property
@@ -185,7 +185,7 @@ def count_commands(
     counts = []
     for cell, verdicts in cells.items():
         walked = {(verdict.row.policy, verdict.row.command) for verdict in verdicts}
-        followed = walked - {(one.row.policy, one.row.command) for one in verdicts if not one.follows}
+        followed = walked - {(item.row.policy, item.row.command) for item in verdicts if not item.follows}
         policies, commands = ({pair[part] for pair in walked} for part in (0, 1))
         worst = worst_command(verdict.row for verdict in verdicts)
         misses = [verdict.miss for verdict in verdicts]
@@ -199,7 +199,7 @@ def count_commands(
                 miss=sum(misses) / len(misses),
                 largest_miss=max(misses),
                 worst="" if worst is None else worst.text,
-                each=" ".join(str(sum(one == policy for one, _ in followed)) for policy in sorted(policies)),
+                each=" ".join(str(sum(item == policy for item, _ in followed)) for policy in sorted(policies)),
             )
         )
     return counts

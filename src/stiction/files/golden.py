@@ -1,9 +1,9 @@
-"""Golden vectors: a recorded rollout of one robot, what it measured, and what policy and joint controllers answered.
+"""Golden vectors: a recorded rollout of one robot: measurements, and answers of policy and joint controllers.
 
 They are recorded by `export` with the policy as training computes it, in torch; `verify` and robots replay them with
-NumPy and onnxruntime. A walk reaches no clip of observation or action, so readings that do are recorded behind it;
-`exercise_of` says what a recording has. They also hold the SHA-256 of the bundle's other files, so that a contract or a
-card edited afterwards no longer fits.
+NumPy and onnxruntime. A walk reaches no clip of observation or action, so synthetic readings that do are appended;
+`exercise_of` lists the limits that a recording reaches. They also hold the SHA-256 of the bundle's other files, so that
+a contract or a card edited afterwards no longer matches.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from stiction.files.tables import parse_npz
 from stiction.joints.pd import controller_torque
 
 MIN_STEPS, MAX_STEPS = 500, 20_000
-"""Steps that golden vectors must have, ten seconds at 50 Hz, and may have."""
+"""Minimum, ten seconds at 50 Hz, and maximum number of steps."""
 
 MAX_BYTES = 64 * 2**20
-"""Largest size of the golden vectors unpacked [B]: a small archive may not fill the memory."""
+"""Maximum size of the golden vectors unpacked [B]: a small archive must not fill the memory."""
 
 LARGEST = {
     "command": 100.0,
@@ -36,39 +36,40 @@ LARGEST = {
     "base_linear_velocity": 1e3,
     "heights": 1e4,
 }
-"""Largest number of a recording, in its SI unit: beyond what any robot does."""
+"""Maximum of a number in its SI unit, beyond the range of robots."""
 
 DIFFERENT = 0.9
-"""Least share of rows that differ from all others: a row that is repeated proves nothing new."""
+"""Minimum share of rows that differ from all others: a repeated row proves nothing new."""
 
 TIME_ERROR = 1e-6
-"""Largest difference of a recorded time from a whole number of control periods [s]."""
+"""Maximum difference of a recorded time from a whole number of control periods [s]."""
 
 LIMIT_SLACK = 0.1
-"""How far behind a joint's limit an angle counts as at it [rad]: stops give way, and sensors have noise."""
+"""Distance beyond a joint's limit at which an angle still counts as at it [rad]: stops yield, and sensors have
+noise."""
 
 OUTSIDE = {"joint_position": 0.05, "target": 0.5}
-"""Largest share of a joint's recorded angles, and of its targets, behind its limits: a stop holds the one, while a
-policy may ask for more to push with."""
+"""Maximum share of a joint's recorded angles, and of its targets, beyond its limits: a stop holds the angle, while a
+policy may request more to push."""
 
 TORQUE_ERROR = 1e-6
-"""Largest difference of a recorded torque from that of the contract's gains, as a fraction of the torque limit."""
+"""Maximum difference of a recorded torque from that of the contract's gains, as a fraction of the torque limit."""
 
 EXERCISED = 1e-3
-"""Least root mean square of kp (target - position), and of kd velocity, as a fraction of the torque limit, for the
+"""Minimum root mean square of kp (target - position), and of kd velocity, as a fraction of the torque limit, for the
 gains to show in the torque."""
 
 
 @dataclass(frozen=True)
 class Golden:
-    """A recorded rollout of one robot, T steps. Angles [rad], velocities [rad/s]."""
+    """Recorded rollout of one robot, T steps. Angles [rad], velocities [rad/s]."""
 
     joint_names: np.ndarray
     """Names of the joints, text, shape (J,)."""
     time: np.ndarray
     """Time since the start of the recording [s], shape (T,)."""
     reset: np.ndarray
-    """True where the history starts anew before this step, bool, shape (T,)."""
+    """True where the history restarts before this step, bool, shape (T,)."""
     command: np.ndarray
     """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (T, 3)."""
     quaternion: np.ndarray
@@ -86,41 +87,41 @@ class Golden:
     target: np.ndarray
     """Joint targets [rad], shape (T, J)."""
     torque: np.ndarray | None = None
-    """What the joint controllers ask of the motors at these targets and measurements [N m], see `controller_torque`,
-    computed with the robot's gains and limits, not the contract's, shape (T, J). None: the recording is older."""
+    """Torques that the joint controllers request at these targets and measurements [N m], see `controller_torque`,
+    computed with the robot's gains and limits, not the contract's, shape (T, J). None: an older recording."""
     base_linear_velocity: np.ndarray | None = None
-    """Velocity of the base in its own frame [m/s], shape (T, 3), where the policy observes it."""
+    """Velocity of the base in its frame [m/s], shape (T, 3), if the policy observes it."""
     heights: np.ndarray | None = None
-    """Heights of the base over the ground [m], shape (T, points), where the policy observes them."""
+    """Heights of the base over the ground [m], shape (T, points), if the policy observes them."""
 
     walked: np.ndarray | None = None
-    """False where a reading was made up to drive something to its limit, bool, shape (T,): no robot shall be given what
-    was answered. None: all of the recording was walked."""
+    """False for synthetic readings that reach a limit, bool, shape (T,): their answers must not be sent to a robot.
+    None: the whole recording was walked."""
 
     def __len__(self) -> int:
         return len(self.time)
 
 
 SENSED = ("angular_velocity", "command", "joint_position", "joint_velocity")
-"""Terms of the observation that a reading alone can drive to their clips, beside roll and pitch."""
+"""Terms of the observation that a reading alone can drive to their clips, in addition to roll and pitch."""
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """What of a contract a recording exercises: of a clip that no step reaches the replay says nothing."""
+    """Parts of a contract that a recording exercises: the replay cannot check a clip that no step reaches."""
 
     resets: int
-    """Resets after the first step, at each of which the history is filled with the present frame."""
+    """Resets after the first step; each fills the history with the present frame."""
     rolls_over: bool
-    """Whether a frame entered the history and left it again."""
+    """True if a frame entered the history and left it again."""
     reached: tuple[str, ...]
-    """Limits that some step is at: `clip of joint_velocity`, ..., `clip of the action`, `torque limit`."""
+    """Limits reached by some step: `clip of joint_velocity`, ..., `clip of the action`, `torque limit`."""
     missed: tuple[str, ...]
-    """Limits that a robot can reach, and no step does."""
+    """Reachable limits that no step reaches."""
 
 
 def exercise_of(golden: Golden, contract: Contract) -> Exercise:
-    """Return what a recording exercises."""
+    """Return the parts of the contract that a recording exercises."""
     # In single precision a number at its clip may lie just below it.
     layout, rounding = contract.observation, 1 - 1e-6
     newest = np.abs(golden.observation[:, layout.newest()])
@@ -143,7 +144,7 @@ def exercise_of(golden: Golden, contract: Contract) -> Exercise:
 
 
 def clips(contract: Contract, term: Term) -> bool:
-    """Return whether a recording can show the clip of a term: one that some reading, or the last action, gets to."""
+    """Return whether a recording can show the clip of a term: some reading, or the last action, reaches it."""
     if term.name in SENSED:
         return bool((BEYOND * term.clips / term.scales <= LARGEST[term.name]).all())
     if term.name == "roll_pitch":
@@ -152,7 +153,7 @@ def clips(contract: Contract, term: Term) -> bool:
 
 
 BEYOND = 1.2
-"""How far beyond its clip a recording drives a term."""
+"""Factor by which a recording drives a term beyond its clip."""
 
 BOUND = "sha256:"
 """Prefix of the arrays that hold the SHA-256 of the bundle's other files."""
@@ -171,8 +172,8 @@ def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]
     """Parse golden.npz and check it against the contract; return it and the digests that it binds.
 
     Raises `BundleError`: not an NPZ, too large unpacked, an array missing, unknown, of the wrong shape or type, not
-    finite or out of all range; too few or too many steps; fewer than two resets, or none at the first step; times that
-    are not the control period's; rows that repeat; angles beyond the contract's limits; torques of other gains.
+    finite or out of range; too few or too many steps; fewer than two resets, or none at the first step; times off the
+    control period; repeated rows; angles beyond the contract's limits; torques of other gains.
     """
     try:
         arrays = parse_npz("golden.npz", data, MAX_BYTES)
@@ -191,7 +192,7 @@ def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]
 
 
 NOT_MEASURED = {"base_linear_velocity": "base_linear_velocity", "heights": "height_scan"}
-"""Array of what no sensor of a robot measures -> the term that observes it."""
+"""Array of a quantity that no sensor of a robot measures -> the term that observes it."""
 
 
 def not_measured(contract: Contract) -> dict[str, int]:
@@ -201,9 +202,9 @@ def not_measured(contract: Contract) -> dict[str, int]:
 
 
 def _check_arrays(golden: Golden, contract: Contract) -> None:
-    names, given = contract.joint_names, golden.joint_names
-    if given.dtype.kind != "U" or given.shape != (len(names),) or tuple(given.tolist()) != names:
-        raise BundleError(f"golden.npz is for the joints {str(given.tolist())[:200]}, the contract has {names}")
+    names, recorded = contract.joint_names, golden.joint_names
+    if recorded.dtype.kind != "U" or recorded.shape != (len(names),) or tuple(recorded.tolist()) != names:
+        raise BundleError(f"golden.npz is for the joints {str(recorded.tolist())[:200]}, the contract has {names}")
     steps, joints = golden.time.shape[0] if golden.time.ndim else 0, len(names)
     widths = {"command": 3, "quaternion": 4, "angular_velocity": 3, "observation": contract.observation.size}
     widths |= dict.fromkeys(("joint_position", "joint_velocity", "action", "target"), joints)
@@ -225,7 +226,7 @@ def _check_arrays(golden: Golden, contract: Contract) -> None:
 
 
 def _check_recording(golden: Golden, contract: Contract) -> None:
-    """Check that the recording is one of a robot with this period and these limits, and no row repeated."""
+    """Check that the recording fits this period and these limits, and that no row is repeated."""
     if not golden.reset[0] or golden.reset.sum() < 2:
         raise BundleError("golden.npz must start with a reset and contain at least one more")
     if golden.walked is not None and golden.walked.mean() < DIFFERENT:
@@ -265,7 +266,7 @@ def _check_recording(golden: Golden, contract: Contract) -> None:
 
 
 def _check_torque(golden: Golden, contract: Contract) -> None:
-    """Check that the contract's gains and limits give the recorded torques, and that these would show other gains."""
+    """Check that the contract's gains and limits give the recorded torques, which must show other gains."""
     if golden.torque is None:
         return
     kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))

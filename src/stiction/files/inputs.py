@@ -1,7 +1,7 @@
-"""What results were made from, by content: an edited file, or another one of the same name, is another input.
+"""Digests of the inputs of results: an edited file, or another one of the same name, is another input.
 
-A file is known by its SHA-256, read piece by piece; a bundle by that of its SHA256SUMS, and by its name, which results
-have; the log of a run by all of its files. What is none of these, such as a folder of runs, is known by its path.
+A file is identified by its SHA-256, read piece by piece; a bundle by that of its SHA256SUMS, and by its name, which
+results have; the log of a run by all of its files. Anything else, such as a folder of runs, is identified by its path.
 """
 
 from __future__ import annotations
@@ -16,55 +16,54 @@ from stiction.core.files import digest_of
 from stiction.files.log import sidecar_of
 
 Inputs = Mapping[str, str | Path | Sequence[Path] | None]
-"""Option -> what was given: paths, a shipped bundle by its name among them; or, as text, a robot by its file or name.
-"""
+"""Option -> its paths, a shipped bundle by its name; or, as text, a robot by its file or name."""
 
 Digests = dict[str, dict[str, str]]
-"""Option -> path as it was given -> digest, empty where only the path counts."""
+"""Option -> path as typed -> digest, empty if only the path counts."""
 
 
 def with_sidecars(logs: Iterable[Path]) -> list[Path]:
-    """Return logs and the sidecars that lie beside them: who edits one of these has another input too."""
-    given = [*logs]
-    beside = [sidecar_of(path) for path in given if path.is_file()]
-    return given + [sidecar for sidecar in beside if sidecar.is_file()]
+    """Return logs and their sidecars, whose content counts too."""
+    paths = [*logs]
+    sidecars = [sidecar_of(path) for path in paths if path.is_file()]
+    return paths + [sidecar for sidecar in sidecars if sidecar.is_file()]
 
 
 def digests_of(inputs: Inputs) -> Digests:
-    """Return the digests of all inputs; none of what cannot be read, for whoever reads it says so better."""
-    found: Digests = {}
-    for option, given in inputs.items():
+    """Return the digests of all inputs; without unreadable ones, which their readers report better."""
+    known: Digests = {}
+    for option, paths in inputs.items():
         try:
-            digests = {str(path): _digest(path) for path in _paths(given)}
+            digests = {str(path): _digest(path) for path in _paths(paths)}
         except (OSError, StictionError):
             continue
         if any(digests.values()):
-            found[option] = digests
-    return found
+            known[option] = digests
+    return known
 
 
 def changes(before: Any, now: Digests) -> dict[str, str]:
-    """Return option -> what of its inputs is another, in words, or empty; of options that both have digests of.
+    """Return option -> its changed inputs, in words, or empty; for options in both digests.
 
-    before: `Digests` as a file has them, which may be anything.
+    before: `Digests` from a file, not yet validated.
     """
     both = now.keys() & before.keys() if isinstance(before, dict) else set()
     return {option: _change(before[option], now[option]) for option in both if _are_digests(before[option])}
 
 
-def _paths(given: str | Path | Sequence[Path] | None) -> Sequence[Path]:
-    """Return the files and folders that an option names; of a robot that is no file, none."""
-    if isinstance(given, str):
+def _paths(value: str | Path | Sequence[Path] | None) -> Sequence[Path]:
+    """Return the files and folders of an option; empty for a robot that is not a file."""
+    if isinstance(value, str):
         from stiction.robots.description import files_of
 
-        return files_of(Path(given)) if Path(given).is_file() else ()
+        return files_of(Path(value)) if Path(value).is_file() else ()
     # An option of somebody's own study may be anything.
-    several = given if isinstance(given, Sequence) else (given,)
+    several = value if isinstance(value, Sequence) else (value,)
     return [path for path in several if isinstance(path, Path)]
 
 
 def _digest(path: Path) -> str:
-    """Return what a file, bundle or log of a run is known by; raise `OSError` or `StictionError` for what is none."""
+    """Return the digest of a file, bundle or log of a run; raise `OSError` or `StictionError` for others."""
     if path.is_file():
         return digest_of(path)
     # Bundles and logs of runs are read where there is one: a table of text needs neither.
@@ -84,12 +83,12 @@ def _digest(path: Path) -> str:
 
 
 def _are_digests(before: Any) -> bool:
-    """Say whether what a file has of an option is path -> digest."""
+    """Return whether an option's entry in a file is path -> digest."""
     return isinstance(before, dict) and all(isinstance(digest, str) for digest in before.values())
 
 
 def _change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return what differs between two times of an option, in words; empty where nothing does."""
+    """Return the difference between two digests of an option, in words; empty without one."""
     old, new = ([digest or path for path, digest in digests.items()] for digests in (before, now))
     if old == new:
         return ""

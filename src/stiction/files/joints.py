@@ -1,11 +1,11 @@
-"""`joints.json`: what identification found out about each joint, with intervals. What is not known is null.
+"""`joints.json`: results of identification for each joint, with intervals. Unknown values are null.
 
-The names are fixed; the symmetric viscous and Coulomb fit always stands under them, so that a reader never has to ask
-which law was fitted. Linear axes use the same names with N, kg and m.
+The names are fixed; the symmetric viscous and Coulomb fit is always under them, so that a reader need not know which
+law was fitted. Linear axes use the same names with N, kg and m.
 
-`training.json`, which is read and written here too, proposes what to train with. Its object `friction` holds fields of
-a run's `config.json` under `task.friction`, so that proposal and run can be compared line by line; the rest is for
-people: what the level rests on, joint by joint.
+`training.json`, which is read and written here too, proposes a training. Its object `friction` holds fields of a run's
+`config.json` under `task.friction`, so that proposal and run can be compared line by line; the rest is for readers: the
+basis of the level, joint by joint.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ QUANTITIES = (
 
 
 ARMATURE = "armature"
-"""Name among the combinations of a rotor's inertia at its joint, links apart [kg m²]: what the log of a whole limb
-tells in place of an inertia, which there depends on how the other joints stand."""
+"""Name, among the combinations, of a rotor's inertia at its joint, links apart [kg m²]: the log of a whole limb gives
+it in place of an inertia, which there depends on the pose of the other joints."""
 
 BRAKE = "B + kt·ke/R"
-"""Name among the combinations of viscous friction and the brake of a motor that is driven by voltage [N m s/rad]."""
+"""Name, among the combinations, of viscous friction plus the brake of a motor that is driven by voltage [N m s/rad]."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its uncertainty."""
+    """Estimate of a quantity, with its uncertainty."""
 
     value: float
     std: float
     interval95: tuple[float, float]
 
     def scaled(self, factor: float) -> Estimate:
-        """Return the estimate of `factor` times the quantity; `factor` is positive and exactly known."""
+        """Return the estimate of `factor` times the quantity; `factor` is positive and exact."""
         low, high = self.interval95
         return Estimate(self.value * factor, self.std * factor, (low * factor, high * factor))
 
@@ -69,52 +69,53 @@ class Estimate:
 
     @classmethod
     def from_dict(cls, data: Any, where: str) -> Estimate:
-        """Build from plain data; `where` is named in messages."""
+        """Build from plain data; messages name `where`."""
         estimate = from_plain(cls, data, where)
         estimate.check(where)
         return estimate
 
     def check(self, where: str) -> None:
-        """Raise `FileError`, which begins with `where`, if the numbers contradict each other."""
+        """Raise `FileError`, beginning with `where`, if the numbers contradict each other."""
         low, high = self.interval95
         if self.std < 0 or not low <= self.value <= high:
             raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {self.to_dict()}")
 
 
 FRICTION_REACHES_ZERO = "friction_reaches_zero"
-"""Reason of the one objection that concerns dry friction alone: the rest of the fit stands."""
+"""Reason of the one objection that concerns dry friction alone: the rest of the fit is valid."""
 
 NEGLIGIBLE = 0.01
-"""Friction over torque limit that no policy of `stiction replicate` noticed in any engine (identification/advice.json):
-where friction cannot be told from zero, and is no more than this, simulators may have it as zero."""
+"""Friction over torque limit that had no effect on any policy of `stiction replicate` in any engine
+(identification/advice.json): where friction cannot be distinguished from zero, and is at most this, simulators may use
+zero."""
 
 LOAD_REGRESSORS = {"gravity": "|gravity and known torque from outside| [N m]", "motor_torque": "|motor torque| [N m]"}
-"""What a load coefficient may multiply -> the same in words: the first from a joint's own log, the second from a walk.
-Training has the second as its law `effort`; its law `load`, of |F| + |T| at the joint, is neither."""
+"""Regressors of a load coefficient -> the same in words: the first from a joint's log, the second from a walk. Training
+has the second as its law `effort`; its law `load`, of |F| + |T| at the joint, is neither."""
 
 FRICTIONS = (
     *("coulomb_friction", "static_friction", "stribeck_velocity", "load_coefficient"),
     *("friction_ratio", "dynamic_ratio", "dead_band"),
 )
-"""Quantities that say how much dry friction there is."""
+"""Quantities that measure dry friction."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a reader must know before a number is used."""
+    """Finding: what a reader must know before using a number."""
 
     reason: str
-    """One word for programs: `unexplained_torque`; empty for a warning of a file, which has its sentence alone."""
+    """Identifier for programs: `unexplained_torque`; empty for a warning of a file, which has only its sentence."""
     seen: str
-    """What was seen, with its number; of a warning also what to do."""
+    """Observation, with its number; for a warning also the remedy."""
     remedy: str = ""
-    """What to do first, of an error."""
+    """First remedy of an error."""
     severity: Literal["error", "warning", "note"] = "error"
     """An error makes the whole fit invalid, a warning concerns a part of it, a note says how the log was read."""
 
     @property
     def text(self) -> str:
-        """What was seen and what to do in one sentence."""
+        """Observation and remedy in one sentence."""
         return f"{self.seen}. Do first: {self.remedy}" if self.remedy else self.seen
 
 
@@ -124,17 +125,17 @@ def warning(reason: str, seen: str) -> Finding:
 
 
 def refused(why: str) -> JointRecord:
-    """Return the record of a joint that was not identified: empty but for the reason."""
+    """Return the record of a joint that was not identified: empty except for the reason."""
     return JointRecord(findings=(warning("refused", REFUSED + why),))
 
 
 REFUSED = "not identified: "
-"""How the warning of a refused joint begins."""
+"""Prefix of the warning for a refused joint."""
 
 
 @dataclass(frozen=True)
 class JointRecord:
-    """What is known about one joint."""
+    """Identified properties of one joint."""
 
     inertia: Estimate | None = None
     """I, rotor included [kg m²]."""
@@ -148,28 +149,28 @@ class JointRecord:
     gravity_cos: Estimate | None = None
     """Torque that holds the link against gravity is gravity_sin sin θ + gravity_cos cos θ [N m]."""
     static_friction: Estimate | None = None
-    """Friction at rest, where the log distinguishes it from Coulomb friction [N m]."""
+    """Friction at rest, if the log distinguishes it from Coulomb friction [N m]."""
     stribeck_velocity: Estimate | None = None
-    """Speed at which static friction has given way to Coulomb friction [rad/s]."""
+    """Speed at which static friction has changed to Coulomb friction [rad/s]."""
     load_coefficient: Estimate | None = None
-    """Friction per unit of load [1]; of which load says `load_regressor`, and `regressor` in `friction_law`."""
+    """Friction per unit of load [1]; the load is that of `load_regressor`, and `regressor` in `friction_law`."""
     motor_strength: Estimate | None = None
-    """k, torque delivered over torque logged or commanded, where a known payload shows it [1]."""
+    """k, delivered over logged or commanded torque, if a known payload shows it [1]."""
     encoder_bias: Estimate | None = None
-    """Logged angle less the true one, where it was asked for and the log shows it [rad]."""
+    """Logged minus true angle, if requested and shown by the log [rad]."""
     delay: Estimate | None = None
-    """Delay of the controller, where it was asked for and the log shows it [s]."""
+    """Delay of the controller, if requested and shown by the log [s]."""
     friction_ratio: Estimate | None = None
-    """Dry friction over torque limit [1]: Coulomb friction, or static friction where that is more."""
+    """Dry friction over torque limit [1]: Coulomb friction, or static friction if that is more."""
     dynamic_ratio: Estimate | None = None
-    """Coulomb friction over torque limit, where static friction is more [1]; else null, and `friction_ratio` is it."""
+    """Coulomb friction over torque limit, if static friction is more [1]; else null, and `friction_ratio` is it."""
     dead_band: Estimate | None = None
-    """Dry friction over kp [rad]: Coulomb friction, or static friction where that is more."""
+    """Dry friction over kp [rad]: Coulomb friction, or static friction if that is more."""
     combinations: dict[str, Estimate] = field(default_factory=dict)
-    """What is identifiable where a parameter alone is not, such as `(B + k·kd)/k`."""
+    """Identifiable combinations of parameters that are not identifiable alone, such as `(B + k·kd)/k`."""
     friction_law: dict[str, Any] | None = None
-    """The law that was chosen, Coulomb's too. From a joint's log: `law`, which it is, `parameters`, and `candidates`,
-    what else was tried. From a walk the load law, or null where it was refused."""
+    """Chosen law, also Coulomb's. From a joint's log: `law`, its name, `parameters`, and `candidates`, the other laws
+    tried. From a walk the load law, or null if it was refused."""
     axis: Axis = "rotary"
     test_condition: TestCondition | None = None
     torque_source: TorqueSource | None = None
@@ -178,27 +179,27 @@ class JointRecord:
     kd: float | None = None
     """Derivative gain during the test [N m s/rad]."""
     torque_limit: float | None = None
-    """Largest torque of the motor [N m]."""
+    """Torque limit of the motor [N m]."""
     diagnostics: dict[str, Any] = field(default_factory=dict)
-    """Plain data about the fit: conditioning, residuals, what the other estimator found, and so on."""
+    """Plain data about the fit: conditioning, residuals, result of the other estimator, and so on."""
     findings: tuple[Finding, ...] = ()
-    """Errors first, the plainest at the head, then warnings and notes."""
+    """Findings: errors first, the plainest at the head, then warnings and notes."""
 
     @property
     def objections(self) -> tuple[Finding, ...]:
-        """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
-        return tuple(one for one in self.findings if one.severity == "error")
+        """Errors that make the fit invalid; with any, neither training nor simulation uses its friction."""
+        return tuple(finding for finding in self.findings if finding.severity == "error")
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was seen, a sentence a finding."""
-        return tuple(one.seen for one in self.findings)
+        """Observations, one sentence per finding."""
+        return tuple(finding.seen for finding in self.findings)
 
     def objection_to(self, quantity: str) -> Finding | None:
-        """Return why a quantity must not be used, None where it may be.
+        """Return why a quantity must not be used, or None.
 
-        Dry friction that cannot be told from zero invalidates nothing else, and may be used as zero where it is at most
-        `NEGLIGIBLE` of the torque limit.
+        Dry friction that cannot be distinguished from zero invalidates nothing else, and may be used as zero where it
+        is at most `NEGLIGIBLE` of the torque limit.
         """
         for objection in self.objections:
             if objection.reason != FRICTION_REACHES_ZERO:
@@ -217,7 +218,7 @@ class JointRecord:
 
     @property
     def moving_friction(self) -> Estimate | None:
-        """Dry friction in motion [N m], or over the motor strength k where newton metres are not known."""
+        """Dry friction in motion [N m], or over the motor strength k where N m are unknown."""
         return self.coulomb_friction or self.combinations.get("f/k")
 
     @property
@@ -231,7 +232,7 @@ class JointRecord:
 
     @property
     def load_regressor(self) -> str | None:
-        """What the load coefficient multiplies, one of `LOAD_REGRESSORS`; None where there is no coefficient."""
+        """Regressor of the load coefficient, one of `LOAD_REGRESSORS`; None without a coefficient."""
         law = self.friction_law or {}
         if self.load_coefficient is None:
             return None
@@ -242,9 +243,10 @@ class JointRecord:
 
     @property
     def unloaded_friction(self) -> Estimate | None:
-        """Friction without load, beside `load_coefficient` [N m]; `coulomb_friction` has the load of the test in it.
+        """Friction without load, to use with `load_coefficient` [N m]; `coulomb_friction` includes the load of the
+        test.
 
-        None where there is no coefficient, or that friction is not known in N m.
+        None without a coefficient, or where that friction is not known in N m.
         """
         law = self.friction_law or {}
         constant = law.get("parameters", law).get("coulomb_friction")
@@ -257,18 +259,22 @@ class JointRecord:
         data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
         data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
         del data["findings"]
-        objections = [{"reason": one.reason, "seen": one.seen, "remedy": one.remedy} for one in self.objections]
+        objections = [
+            {"reason": finding.reason, "seen": finding.seen, "remedy": finding.remedy} for finding in self.objections
+        ]
         return data | {"objections": objections, "warnings": list(self.warnings)}
 
     @classmethod
     def from_dict(cls, data: Any, where: str) -> JointRecord:
-        """Build from plain data; `where` is named in messages. Absent fields take their defaults."""
-        said = {name: data[name] for name in ("objections", "warnings") if isinstance(data, dict) and name in data}
-        record = from_plain(cls, {name: data[name] for name in data if name not in said} if said else data, where)
-        errors = value_of(tuple[Finding, ...], said.get("objections", ()), f"{where}: objections", FileError)
-        texts = value_of(tuple[str, ...], said.get("warnings", ()), f"{where}: warnings", FileError)
-        findings = [replace(one, severity="error") for one in errors]
-        findings += [warning("", text) for text in texts if text not in {one.seen for one in errors}]
+        """Build from plain data; messages name `where`. Absent fields take their defaults."""
+        texts_of = {name: data[name] for name in ("objections", "warnings") if isinstance(data, dict) and name in data}
+        record = from_plain(
+            cls, {name: data[name] for name in data if name not in texts_of} if texts_of else data, where
+        )
+        errors = value_of(tuple[Finding, ...], texts_of.get("objections", ()), f"{where}: objections", FileError)
+        texts = value_of(tuple[str, ...], texts_of.get("warnings", ()), f"{where}: warnings", FileError)
+        findings = [replace(finding, severity="error") for finding in errors]
+        findings += [warning("", text) for text in texts if text not in {finding.seen for finding in errors}]
         record = replace(record, findings=(*record.findings, *findings))
         estimates = {name: getattr(record, name) for name in QUANTITIES} | record.combinations
         for name, estimate in estimates.items():
@@ -286,20 +292,20 @@ class JointRecord:
 
 @dataclass(frozen=True)
 class JointsFile:
-    """The whole file."""
+    """Contents of the file."""
 
     joints: dict[str, JointRecord]
     """Joint name (`FL_shank`), or kind of joint (`shank`) -> record."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Every joint's warnings, with the joint's name in front."""
+        """Warnings of every joint, with the joint's name in front."""
         return tuple(f"{name}: {text}" for name, record in self.joints.items() for text in record.warnings)
 
     def key(self, joint: str, kind: str | None = None) -> str | None:
-        """Return the name that `FL_shank` is recorded under: its own, else its kind, `shank`; None where neither is.
+        """Return the name of the record of `FL_shank`: its name, else its kind, `shank`; or None.
 
-        kind: of the joint, where its name does not tell.
+        kind: of the joint, if its name does not show it.
         """
         return next((name for name in (joint, kind or kind_of(joint)) if name in self.joints), None)
 
@@ -310,11 +316,11 @@ class JointsFile:
         return self.joints[key]
 
     def nominal(self, joints: Sequence[str], quantity: str) -> tuple[float, ...]:
-        """Return one quantity's value for each joint, as simulators take it: what is below zero is zero.
+        """Return one quantity's value for each joint, for simulators: negative values become zero.
 
-        quantity: one of `QUANTITIES`. Raises `FileError` for a joint without a record, and where the quantity
-        is null, or the fit is not valid. An inertia must be positive; friction whose interval reaches below zero may
-        have a negative estimate.
+        quantity: one of `QUANTITIES`. Raises `FileError` for a joint without a record, and where the quantity is null,
+        or the fit is not valid. An inertia must be positive; friction whose interval reaches below zero may have a
+        negative estimate.
         """
         values = []
         for joint in joints:
@@ -330,9 +336,9 @@ class JointsFile:
         return tuple(values)
 
     def fed_forward(self, joint: str) -> tuple[float, float, float]:
-        """Return what may be fed forward of a joint: Coulomb friction, that without load [N m], and c of the load [1].
+        """Return the friction to feed forward: Coulomb friction, that without load [N m], and c of the load [1].
 
-        Without a coefficient the first two are one. Raises `FileError`, see `nominal`.
+        Without a coefficient the first two are equal. Raises `FileError`, see `nominal`.
         """
         (whole,) = self.nominal([joint], "coulomb_friction")
         record = self.record(joint)
@@ -355,9 +361,9 @@ class JointsFile:
 
 
 def read_joints(data: dict[str, Any], where: str) -> JointsFile:
-    """Return a `joints.json` from plain data; raise `FileError` that names the field that is wrong."""
+    """Return a `joints.json` from plain data; raise `FileError` naming the invalid field."""
     if "friction" in data:
-        raise FileError(f"{where}: this proposes what to train; expected the joints.json that lies beside it")
+        raise FileError(f"{where}: this is a proposal of a training; expected the joints.json in the same folder")
     joints = take_version(data, SCHEMA_VERSION, where, what="joints.json of identify").get("joints")
     if not isinstance(joints, dict) or not joints:
         raise FileError(f"{where}: field 'joints' must be an object with at least one joint")
@@ -368,33 +374,33 @@ def read_joints(data: dict[str, Any], where: str) -> JointsFile:
 class FitSignals:
     """Signals of one joint on an even grid; arrays of shape (num_samples,).
 
-    Torques are in N m, or in the unit of the torque column where that is not N m; on a linear axis read N and m.
+    Torques are in N m, or in the unit of the torque column if that is another one; on a linear axis read N and m.
     """
 
     time: np.ndarray
     """From zero [s]."""
     position: np.ndarray
-    """As measured [rad]."""
+    """Measured position [rad]."""
     velocity: np.ndarray
-    """Filtered [rad/s]."""
+    """Filtered velocity [rad/s]."""
     acceleration: np.ndarray
-    """Filtered [rad/s²]."""
+    """Filtered acceleration [rad/s²]."""
     torque: np.ndarray
-    """Filtered [N m]."""
+    """Filtered torque [N m]."""
     fitted_torque: np.ndarray
-    """By viscous and Coulomb friction [N m]."""
+    """Torque fitted with viscous and Coulomb friction [N m]."""
     law_torque: np.ndarray
-    """By the law that was chosen [N m]; the same where that is the regression's."""
+    """Torque of the chosen law [N m]; the same where that is the regression's."""
     rigid_torque: np.ndarray
-    """The part of it that is not friction: inertia, offset, gravity, payload [N m]."""
+    """Part of it that is not friction: inertia, offset, gravity, payload [N m]."""
     used: np.ndarray
     """1 where the sample entered the regression, else 0."""
     target: np.ndarray | None = None
-    """Position asked for [rad]."""
+    """Commanded position [rad]."""
     simulated_position: np.ndarray | None = None
-    """By the closed-loop simulation [rad]."""
+    """Position in the closed-loop simulation [rad]."""
     simulated_torque: np.ndarray | None = None
-    """By the closed-loop simulation [N m]."""
+    """Torque in the closed-loop simulation [N m]."""
 
 
 def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
@@ -410,47 +416,49 @@ def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
 
 
 def read_fit(path: Path, joint: str) -> FitSignals:
-    """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
+    """Read one joint's signals; raise `StictionError` for missing signals or different lengths."""
     arrays = read_npz_arrays(path)
-    found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
+    signals = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
     # The fields without a default.
     needed = {item.name for item in fields(FitSignals)[:9]}
-    if needed - set(found):
-        raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
-    if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):
-        raise FileError(f"{path.name}: a signal of joint {joint!r} is no vector of numbers; run identify again")
-    if len(set(map(len, found.values()))) != 1:
+    if needed - set(signals):
+        raise FileError(f"{path.name}: no {sorted(needed - set(signals))[0]} of joint {joint!r}; run identify again")
+    if any(values.ndim != 1 or values.dtype.kind != "f" for values in signals.values()):
+        raise FileError(f"{path.name}: a signal of joint {joint!r} is not a vector of numbers; run identify again")
+    if len(set(map(len, signals.values()))) != 1:
         raise FileError(f"{path.name}: the signals of joint {joint!r} differ in length; run identify again")
-    return FitSignals(**{name: values.astype(float) for name, values in found.items()})
+    return FitSignals(**{name: values.astype(float) for name, values in signals.items()})
 
 
 def is_training(path: Path) -> bool:
-    """Return whether a file proposes a training, and is not an identification; raise `FileError` for no JSON."""
+    """Return whether a file proposes a training, and is not an identification; raise `FileError` for invalid JSON."""
     _check_withheld(path)
     return "friction" in read_object(path, "a joints.json or training.json of `stiction identify`")
 
 
 def _check_withheld(path: Path) -> None:
-    """Raise `FileError` where a training.json is missing because the fit beside it is not valid."""
-    beside = path.parent / "joints.json"
-    if path.exists() or not beside.is_file():
+    """Raise `FileError` where a training.json is missing because the fit in the same folder is not valid."""
+    joints_file = path.parent / "joints.json"
+    if path.exists() or not joints_file.is_file():
         return
-    for name, record in read_joints(read_object(beside, "the joints.json of identify"), beside.name).joints.items():
-        for one in record.objections:
+    for name, record in read_joints(
+        read_object(joints_file, "the joints.json of identify"), joints_file.name
+    ).joints.items():
+        for objection in record.objections:
             raise FileError(
-                f"there is no {path.name}, for nothing can be proposed from this identification: {name}: {one.text}"
+                f"{path.name} is missing, since this identification proposes no training: {name}: {objection.text}"
             )
 
 
 def write_training(path: Path, proposal: dict[str, Any]) -> None:
-    """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
+    """Write a proposal: `friction`, null if none is possible, `text`, and further explanations."""
     write_object(path, {"schema_version": TRAINING_VERSION, **proposal})
 
 
 def read_training(path: Path) -> dict[str, Any]:
-    """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction.
+    """Return the whole proposal; raise `StictionError` for another file, or a proposal without friction.
 
-    Where there is no file because the fit beside it is not valid, the message says so.
+    The message says so where the file is missing because the fit in the same folder is not valid.
     """
     _check_withheld(path)
     data = read_object(path, "the training.json of `stiction identify`")

@@ -1,7 +1,7 @@
-"""Known friction, which some policies observe: f/τ_max of each kind of joint in motion, as a bench identifies it.
+"""Known friction, which some policies observe: f/τ_max of each kind of joint in motion, identified on a bench.
 
-`FL_shank` and `RR_shank` are of one kind, and alike by design. So there is one number for a kind: the log of one leg
-gives it, and a robot's own joints differ from it as they do in training.
+`FL_shank` and `RR_shank` are of one kind, and equal by design. There is one number per kind: the log of one leg gives
+it, and a robot's joints differ from it as they do in training.
 """
 
 from __future__ import annotations
@@ -18,39 +18,41 @@ TERM = "known_friction"
 
 
 def kind_average(kinds: Sequence[str]) -> np.ndarray:
-    """Return the matrix that makes means over the joints of a kind, shape (joints, kinds): values @ matrix.
+    """Return the matrix that averages over the joints of a kind, shape (joints, kinds): values @ matrix.
 
-    kinds: of each joint; columns are in the order in which they come first.
+    kinds: of each joint; columns are in the order of their first joint.
     """
-    member = np.array([[own == kind for kind in dict.fromkeys(kinds)] for own in kinds], dtype=np.float64)
+    member = np.array(
+        [[kind_of_joint == kind for kind in dict.fromkeys(kinds)] for kind_of_joint in kinds], dtype=np.float64
+    )
     return member / member.sum(axis=0)
 
 
 @dataclass(frozen=True)
 class BenchFriction:
-    """Friction of each kind of joint as a bench identified it."""
+    """Friction of each kind of joint, identified on a bench."""
 
     share: dict[str, float]
     """Kind of joint -> f/τ_max [-]."""
     missing: tuple[str, ...]
     """Joints whose friction was not identified."""
     notes: tuple[str, ...]
-    """What is used instead, in words for people."""
+    """Substitutes used for them, in words."""
 
     @property
     def array(self) -> np.ndarray:
-        """`share` as an array [-], shape (kinds,), in the order in which the joints have them."""
+        """`share` as an array [-], shape (kinds,), in the order of the joints."""
         return np.array(list(self.share.values()))
 
 
 def bench_friction(
     file: JointsFile, joint_names: Sequence[str], kinds: Sequence[str], torque_limit: np.ndarray, nominal: np.ndarray
 ) -> BenchFriction:
-    """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
+    """Return the identified mean f/τ_max of each kind of joint; negative values become zero.
 
-    A record stands for the joint of its name, or for all of its kind. Where a joint has none, its friction is null, or
-    its fit is not valid, the mean of that kind's other joints is taken; where all of a kind are so, the nominal
-    friction of training.
+    A record is for the joint of its name, or for all of its kind. Where a joint has none, its friction is null, or its
+    fit is not valid, the mean of that kind's other joints is used; without any of a kind, the nominal friction of
+    training.
 
     file: the `joints.json`; joint_names: the robot's, in its order; kinds: of each joint; torque_limit: of each joint
     [N m], shape (joints,); nominal: f/τ_max of each kind in training, shape (kinds,). Raises `StictionError`: a joint
@@ -80,7 +82,7 @@ def bench_friction(
 
 
 def _share(name: str, record: JointRecord, limit: float) -> float | None:
-    """Return f/τ_max in motion of a joint whose motor gives `limit` [N m]; None where it is not known, or not valid."""
+    """Return f/τ_max in motion of a joint with the torque limit `limit` [N m]; None if unknown or not valid."""
     if record.axis != "rotary":
         raise FileError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
     if record.objection_to("coulomb_friction") is not None:
@@ -92,5 +94,5 @@ def _share(name: str, record: JointRecord, limit: float) -> float | None:
 
 
 def known_friction_text(shares: Mapping[str, float]) -> str:
-    """Return known friction for people: `hip 1 %, thigh 2 % of the torque limit`."""
+    """Return known friction in words: `hip 1 %, thigh 2 % of the torque limit`."""
     return f"{', '.join(f'{kind} {100 * share:.3g} %' for kind, share in shares.items())} of the torque limit"

@@ -1,4 +1,4 @@
-"""The canonical log of one or more joints: CSV, NPZ or Parquet, with an optional sidecar of what columns cannot say.
+"""Canonical log of one or more joints: CSV, NPZ or Parquet, with an optional sidecar for values outside the columns.
 
 Columns are `time` [s] and, per joint, `position.<joint>` [rad], `velocity.<joint>` [rad/s], `target.<joint>` [rad],
 `torque.<joint>` [N m], `disturbance.<joint>` [N m] (from outside), `feedforward.<joint>` [N m] (added by the
@@ -32,34 +32,34 @@ TorqueColumn = Literal["torque", "current", "voltage", "duty"]
 
 
 WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
-"""Fields that hold for the whole log: no joint has its own."""
+"""Fields of the whole log, which cannot be set per joint."""
 
 WRITTEN = {"from": "begin", "to": "end"}
-"""Name in the file, and on the command line -> field, where Python keeps the name for itself."""
+"""Name in the file, and on the command line -> field, where the name is a word of Python."""
 
 UNKNOWNS = ("encoder_bias",)
-"""What output error may be asked to find besides."""
+"""Further unknowns that output error can estimate."""
 
 MOST_JOINTS = 256
-"""No robot has more; nor has a sidecar more names."""
+"""Maximum number of joints, and of names in a sidecar."""
 
 LARGEST_SIDECAR = 2**20
-"""Nobody writes more by hand [B]."""
+"""Maximum size of a sidecar [B]."""
 
 LARGEST_NUMBER = 1e12
-"""Nothing physical has more, in its unit."""
+"""Maximum of a physical quantity in its unit."""
 
 
 @dataclass(frozen=True)
 class LogSetup:
-    """How a log was made; a missing field is None."""
+    """Conditions of a log; a missing field is None."""
 
     kp: float | None = None
     """Proportional gain of the joint controller [N m/rad]."""
     kd: float | None = None
     """Derivative gain [N m s/rad]."""
     torque_limit: float | None = None
-    """Largest torque of the motor [N m]."""
+    """Torque limit of the motor [N m]."""
     torque_source: TorqueSource | None = None
     """`motor_side` (joint friction not in it: motor current or command) or `output_side` (sensor after the gear)."""
     test_condition: TestCondition | None = None
@@ -67,11 +67,11 @@ class LogSetup:
     axis: Axis | None = None
     """`rotary` or `linear` (then read N for N m, m for rad, kg for kg m²)."""
     motor_strength: float | None = None
-    """k: torque delivered over torque logged or commanded [1]."""
+    """k: delivered over logged or commanded torque [1]."""
     delay: float | None = None
     """Delay of the whole loop, from command to torque [s]."""
     torque_calibrated: bool | None = None
-    """False: the unit of the torque column is not known."""
+    """False: the unit of the torque column is unknown."""
     payload_mass: float | None = None
     """Mass of a known load [kg]."""
     payload_distance: float | None = None
@@ -79,67 +79,67 @@ class LogSetup:
     payload_angle: float | None = None
     """Angle of the joint at which the load hangs straight down [rad]."""
     pendulum_mass: float | None = None
-    """Mass of all that hangs on the joint [kg]."""
+    """Mass of all links and loads on the joint [kg]."""
     pendulum_length: float | None = None
     """Distance of its centre of mass from the joint's axis [m]."""
     pendulum_angle: float | None = None
-    """Angle of the joint at which it hangs straight down [rad]; found from the log."""
+    """Angle of the joint at which it hangs straight down [rad]; by default estimated from the log."""
     torque_column: TorqueColumn | None = None
-    """`torque`, `current`, `voltage` or `duty`: what the torque column holds, times the scale."""
+    """`torque`, `current`, `voltage` or `duty`: quantity in the torque column, times the scale."""
     duty_voltage: float | None = None
     """Voltage at a duty of 1 [V]."""
     kt: float | None = None
     """Torque constant at the joint, gear included [N m/A]."""
     resistance: float | None = None
-    """Of the motor and its driver [Ω]."""
+    """Resistance of the motor and its driver [Ω]."""
     ke: float | None = None
-    """Back-EMF at the joint [V s/rad]; kt."""
+    """Back-EMF constant at the joint [V s/rad]; by default kt."""
     torque_scale: float | None = None
-    """N m (or N) per unit of the torque column; A, V or a share where it holds those."""
+    """Scale of the torque column: N m (or N) per unit; A, V or a share where it holds those."""
     disturbance_scale: float | None = None
-    """N m (or N) per unit of the disturbance column."""
+    """Scale of the disturbance column: N m (or N) per unit."""
     feedforward_scale: float | None = None
-    """N m (or N) per unit of the feedforward column."""
+    """Scale of the feedforward column: N m (or N) per unit."""
     position_scale: float | None = None
-    """rad (or m) per unit of position, target and velocity: 0.0174533 for degrees, one over the gear ratio for a
+    """Scale of position, target and velocity: rad (or m) per unit; 0.0174533 for degrees, one over the gear ratio for a
     motor's angle."""
     velocity_delay: float | None = None
-    """How late the velocity is that the controller uses [s]."""
+    """Delay of the velocity that the controller uses [s]."""
     hanging_angle: float | None = None
     """Angle of the joint at which the link hangs straight down [rad]."""
     gravity: bool | None = None
-    """Whether gravity on the link is fitted."""
+    """True if gravity on the link is fitted."""
     cutoff: float | None = None
-    """Corner of the filter [Hz]."""
+    """Corner frequency of the filter [Hz]."""
     unknowns: tuple[str, ...] = ()
-    """What output error is to find besides: `delay`, `encoder_bias`."""
+    """Further unknowns of output error: `delay`, `encoder_bias`."""
     rate: float | None = None
-    """Samples per second of a log without a time column [Hz]."""
+    """Sampling rate of a log without a time column [Hz]."""
     time_scale: float | None = None
-    """Seconds per unit of the time stamps."""
+    """Scale of the time stamps: seconds per unit."""
     begin: float | None = None
-    """Where to begin, from the first stamp [s]; `from` in the file."""
+    """Begin of the used part, from the first stamp [s]; `from` in the file."""
     end: float | None = None
-    """Where to end, from the first stamp [s]; `to` in the file."""
+    """End of the used part, from the first stamp [s]; `to` in the file."""
     columns: Mapping[str, str] = field(default_factory=dict)
-    """Role -> column, columns or pattern, or topic; as --columns has it."""
+    """Role -> column, columns or pattern, or topic; as for --columns."""
     names: tuple[str, ...] = ()
-    """Names of the joints of a log that only numbers them, in its order."""
+    """Names of the joints of a log with numbered joints, in its order."""
     joints: Mapping[str, LogSetup] = field(default_factory=dict)
-    """Joint name, or kind of joint (`FL_calf` is a `calf`) -> what is different for it."""
+    """Joint name, or kind of joint (`FL_calf` is a `calf`) -> its different settings."""
 
     def of_joint(self, joint: str) -> LogSetup:
-        """Return the setup of one joint: what holds for all, then its kind's fields, then its own."""
+        """Return the setup of one joint: that of the whole log, then its kind's fields, then its name's."""
         merged = replace(self, joints={})
         for name in dict.fromkeys((kind_of(joint), joint)):
             if name in self.joints:
                 # False and 0 are said; only None and an empty tuple are not.
-                own = vars(self.joints[name]).items()
-                merged = replace(merged, **{k: v for k, v in own if k not in WHOLE_LOG and v not in (None, ())})
+                settings = vars(self.joints[name]).items()
+                merged = replace(merged, **{k: v for k, v in settings if k not in WHOLE_LOG and v not in (None, ())})
         return merged
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON, without the fields that say nothing."""
+        """Return plain data for JSON, without unset fields."""
         data = {key: value for key, value in asdict(self).items() if value is not None and value != () and value != {}}
         data |= {written: data.pop(name) for written, name in WRITTEN.items() if name in data}
         data |= {name: list(data[name]) for name in ("names", "unknowns") if name in data}
@@ -149,18 +149,18 @@ class LogSetup:
 
 
 def read_setup(path: Path) -> LogSetup:
-    """Read the sidecar of a log, `LOG.json` beside `LOG.csv`; an absent one is an empty setup."""
+    """Read the sidecar of a log, `LOG.json` next to `LOG.csv`; an absent one is an empty setup."""
     return read_sidecar(sidecar) if (sidecar := sidecar_of(path)).is_file() else LogSetup()
 
 
 def read_sidecar(sidecar: Path) -> LogSetup:
-    """Read a sidecar; raise `LogError` for a file that is none."""
+    """Read a sidecar; raise `LogError` for another file."""
     data = read_object(sidecar, "the sidecar of a log", LogError, LARGEST_SIDECAR)
     return setup_from_dict(data, sidecar.name)
 
 
 def setup_from_dict(data: Any, source: str) -> LogSetup:
-    """Build a setup from plain data; `source` is named in messages. Raises `LogError` naming the field."""
+    """Build a setup from plain data; messages name `source`. Raises `LogError` naming the field."""
     if isinstance(data, dict) and {"schema_version", "joints"} <= data.keys():
         raise LogError(
             f"{source}: this is a result of `stiction identify`, found where the log's sidecar belongs; "
@@ -170,12 +170,12 @@ def setup_from_dict(data: Any, source: str) -> LogSetup:
 
 
 def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
-    """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
+    """Build a setup, or the part of one joint, which may have only the fields `allowed`."""
     if not isinstance(data, dict):
         raise LogError(f"{source}: expected an object: field -> value, got {short(data)}")
-    given: dict[str, Any] = data
-    _check_names(given, source, allowed)
-    values: dict[str, Any] = {WRITTEN.get(name, name): value for name, value in given.items() if value is not None}
+    fields_set: dict[str, Any] = data
+    _check_names(data, source, allowed)
+    values = {WRITTEN.get(name, name): value for name, value in fields_set.items() if value is not None}
     parts = values.pop("joints", {})
     setup = from_plain(LogSetup, values, source, LogError)
     for name in values:
@@ -184,12 +184,14 @@ def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
         raise LogError(f"{source}: joints is {short(parts)}; expected an object: joint name or kind -> its fields")
     if len(parts) > MOST_JOINTS:
         raise LogError(f"{source}: joints has {len(parts)} entries; expected at most {MOST_JOINTS}")
-    own = tuple(name for name in allowed if name not in WHOLE_LOG)
-    return replace(setup, joints={name: _build(part, f"{source}: joint {name!r}", own) for name, part in parts.items()})
+    settable = tuple(name for name in allowed if name not in WHOLE_LOG)
+    return replace(
+        setup, joints={name: _build(part, f"{source}: joint {name!r}", settable) for name, part in parts.items()}
+    )
 
 
 def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...]) -> None:
-    """Refuse the first field that there is not, or is not of a joint."""
+    """Reject unknown fields and fields that cannot be set per joint."""
     named = {field: written for written, field in WRITTEN.items()}
     for name in data:
         if name in named:
@@ -197,12 +199,12 @@ def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...])
         if (field := WRITTEN.get(name, name)) in allowed:
             continue
         if field in WHOLE_LOG:
-            raise LogError(f"{source}: {name} is of the whole log, and no joint has its own; say it outside `joints`")
+            raise LogError(f"{source}: {name} is of the whole log, not of a joint; set it outside `joints`")
         raise LogError(f"{source}: {unknown_name('field', name, (named.get(known, known) for known in allowed))}")
 
 
 def _check_field(name: str, value: Any, source: str) -> None:
-    """Refuse a number of no physical size, names that are twice or too many."""
+    """Reject a number without physical size, repeated names, and too many names."""
     if isinstance(value, float) and not abs(value) < LARGEST_NUMBER:
         raise LogError(f"{source}: {name} is {value}; expected a number of a physical size")
     if name == "columns" and (len(value) > 2 * len(SIGNALS + BODY) or not all(value.values())):
@@ -222,25 +224,25 @@ def _check_field(name: str, value: Any, source: str) -> None:
 SIGNALS = ("position", "velocity", "target", "torque", "disturbance", "feedforward")
 
 UNNAMED = "joint"
-"""Name of a joint that neither the columns nor the user named."""
+"""Name of a joint without one in the columns or options."""
 
 
 @dataclass(frozen=True)
 class JointSignals:
-    """The signals of one joint, each of shape (num_samples,); what was not logged is None."""
+    """Signals of one joint, each of shape (num_samples,); signals not logged are None."""
 
     position: np.ndarray | None = None
     """θ [rad]."""
     velocity: np.ndarray | None = None
     """θ' [rad/s]."""
     target: np.ndarray | None = None
-    """a, the position asked for [rad]."""
+    """a, the commanded position [rad]."""
     torque: np.ndarray | None = None
     """τ [N m]."""
     disturbance: np.ndarray | None = None
     """d, a known torque on the joint from outside, positive in the position's direction [N m]."""
     feedforward: np.ndarray | None = None
-    """u, torque that the controller adds to that of its gains; a logged torque has it in it already [N m]."""
+    """u, torque that the controller adds to that of its gains; a logged torque includes it [N m]."""
 
 
 BODY = ("quaternion", "gyroscope", "accelerometer", "foot_force")
@@ -248,30 +250,30 @@ BODY = ("quaternion", "gyroscope", "accelerometer", "foot_force")
 
 @dataclass(frozen=True)
 class BodySignals:
-    """What the body of a walking robot measured, as logged, T samples; what was not logged is None."""
+    """Measurements of the body of a walking robot, as logged, T samples; signals not logged are None."""
 
     quaternion: np.ndarray | None = None
-    """Orientation as the IMU estimates it, w x y z, shape (T, 4)."""
+    """Orientation estimated by the IMU, w x y z, shape (T, 4)."""
     gyroscope: np.ndarray | None = None
     """Angular velocity in the IMU's frame [rad/s], shape (T, 3)."""
     accelerometer: np.ndarray | None = None
     """Specific force in the IMU's frame [m/s²], shape (T, 3)."""
     foot_force: np.ndarray | None = None
-    """What grows with the load of each foot, in any unit, or 1 where it touches, shape (T, F)."""
+    """Signal that grows with the load of each foot, in any unit, or 1 in contact, shape (T, F)."""
     foot_names: tuple[str, ...] = ()
-    """The feet, F of them; none where the log only numbers them."""
+    """Names of the F feet; empty where the log only numbers them."""
     period: float | None = None
-    """Time between two messages of the IMU where those came apart from the joints' [s]."""
+    """Time between two messages of the IMU, if they came separately from the joints' [s]."""
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> BodySignals:
-        """Return the signals with every one changed."""
-        found: dict[str, Any] = {n: change(values) for n in BODY if (values := getattr(self, n)) is not None}
-        return replace(self, **found)
+        """Return the signals, each transformed."""
+        signals: dict[str, Any] = {n: change(values) for n in BODY if (values := getattr(self, n)) is not None}
+        return replace(self, **signals)
 
 
 @dataclass(frozen=True, repr=False)
 class Log:
-    """A log as read: nothing resampled, nothing filtered."""
+    """Log as read: not resampled, not filtered."""
 
     source: str
     time: np.ndarray
@@ -279,23 +281,24 @@ class Log:
     joints: dict[str, JointSignals]
     setup: LogSetup = field(default_factory=LogSetup)
     notes: tuple[str, ...] = ()
-    """What a reader of the results should know about how the file was read; each one sentence."""
+    """Notes for readers of the results on how the file was read; one sentence each."""
     start: float = 0.0
-    """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
+    """Time subtracted from the time stamps of the file [s]: those of another part of the same log continue from
+    there."""
     body: BodySignals | None = None
-    """What the body measured; None where nobody asked for it."""
+    """Measurements of the body; None unless requested."""
 
     def __repr__(self) -> str:
-        """Return how long it is, what each joint has, what is said of the motors, and the notes; a line each."""
+        """Return its length, the signals of each joint, the settings of the motors, and the notes; a line each."""
         span = f"{self.time[-1] - self.time[0]:.4g} s" if len(self.time) else "nothing"
         lines = [f"{self.source}: {len(self.time)} samples, {span}"]
         for name, signals in self.joints.items():
             lines.append(f"{name}: {', '.join(role for role in SIGNALS if getattr(signals, role) is not None)}")
-        said = ", ".join(f"{name} {value}" for name, value in self.setup.to_dict().items())
-        return escaped("\n".join([*lines, f"said: {said or 'no gains, no torque limit'}", *self.notes]))
+        settings = ", ".join(f"{name} {value}" for name, value in self.setup.to_dict().items())
+        return escaped("\n".join([*lines, f"said: {settings or 'no gains, no torque limit'}", *self.notes]))
 
     def joint(self, name: str | None) -> tuple[str, JointSignals]:
-        """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""
+        """Return a joint by name, or the only one for None; raise `LogError` with the known names."""
         if name is None and len(self.joints) == 1:
             return next(iter(self.joints.items()))
         if name is not None and name in self.joints:
@@ -305,30 +308,30 @@ class Log:
         raise LogError(f"{self.source}: {asked}; choose one with --joint")
 
     def setup_of(self, joint: str) -> LogSetup:
-        """Return the setup of one joint: the log's, then what the sidecar says of its kind, then of itself."""
+        """Return the setup of one joint: the log's, then the sidecar's for its kind, then for its name."""
         return self.setup.of_joint(joint)
 
 
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".csv.gz", ".tsv.gz", ".txt.gz")
-"""How the names of tables of text end."""
+"""Suffixes of tables of text."""
 
 
 def suffix_of(path: Path) -> str:
-    """Return how a file's name ends, in lower case, with what comes before .gz."""
+    """Return a file's suffix, in lower case, with the suffix before .gz."""
     name = path.name.lower()
     return Path(name.removesuffix(".gz")).suffix + ".gz" * name.endswith(".gz")
 
 
 def sidecar_of(path: Path) -> Path:
-    """Return where the sidecar of a log lies: `swing.json` for `swing.csv`, `swing.csv.gz`, and `swing.sidecar.json`
-    for `swing.json`.
+    """Return the path of a log's sidecar: `swing.json` of `swing.csv`, `swing.csv.gz`; `swing.sidecar.json` of
+    `swing.json`.
     """
     stem = Path(path.name.removesuffix(".gz")).stem
     return path.with_name(f"{stem}.sidecar.json" if suffix_of(path).startswith(".json") else f"{stem}.json")
 
 
 def read_table(path: Path) -> Table:
-    """Read the columns of a file of text, NPZ or Parquet, and what must be known of them. Raises `LogError`."""
+    """Read the columns of a file of text, NPZ or Parquet, with the notes on them. Raises `LogError`."""
     readers = {**dict.fromkeys(TEXT, read_csv), ".npz": read_npz, ".parquet": read_parquet}
     if (suffix := suffix_of(path)) not in readers:
         raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
@@ -337,16 +340,16 @@ def read_table(path: Path) -> Table:
 
 def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
     """Group columns `position.<joint>` by joint; bare names belong to one joint, `joint` or `UNNAMED`."""
-    found: dict[str, Columns] = {}
+    groups: dict[str, Columns] = {}
     for name, values in table.items():
         signal, dot, owner = name.partition(".")
         if signal in SIGNALS:
-            found.setdefault(owner if dot and owner else (joint or UNNAMED), {})[signal] = values
-    return {owner: JointSignals(**signals) for owner, signals in found.items()}
+            groups.setdefault(owner if dot and owner else (joint or UNNAMED), {})[signal] = values
+    return {owner: JointSignals(**signals) for owner, signals in groups.items()}
 
 
 def write_log(path: Path, log: Log) -> None:
-    """Write a log as CSV, NPZ or Parquet, by the name of the file, and its sidecar if there is anything to say."""
+    """Write a log as CSV, NPZ or Parquet, by its suffix, and its sidecar if any setting is known."""
     writers: dict[str, Callable[[Path, Columns], None]] = {".csv": write_csv, ".parquet": write_parquet}
     writers[".npz"] = partial(publish_npz, compressed=True)
     if path.suffix.lower() not in writers:

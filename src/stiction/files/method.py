@@ -1,7 +1,7 @@
 """Training methods: the product's, and those of installed distributions (entry points of `stiction.methods`).
 
-Command lines and files hold the name of a method; its record says what it changes in a training. No torch: networks and
-algorithms are named as rsl_rl names them, `package.module:Class`.
+Command lines and files hold the name of a method; its record lists its changes to a training. No torch: networks and
+algorithms have their names in rsl_rl, `package.module:Class`.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from stiction.files.contract_rules import IMPORTED
 from stiction.files.contract_training import FRICTION_RANGES
 
 TrainCfg = Any
-"""A `stiction.learning.config.TrainCfg`, whose room is above this one."""
+"""`stiction.learning.config.TrainCfg`, whose room is above this one."""
 
 Mixture = tuple[tuple[float, float, float], ...]
-"""Uniform distributions side by side: (weight, lower end, upper end) of each."""
+"""Mixture of uniform distributions: (weight, lower end, upper end) of each."""
 
 FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the teacher's training, up to the next stage."""
+    """Part of the teacher's training, up to the next stage."""
 
     begin: float
     """Share of the teacher's iterations before it."""
@@ -37,24 +37,24 @@ class Stage:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest multiplier that can be drawn."""
+        """Smallest and largest multiplier."""
         return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
 
 
 def one_stage(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
-    """Return the schedule with all friction from the first iteration on; arguments as of `Method.schedule`."""
+    """Return the schedule with all friction from the first iteration; arguments as of `Method.schedule`."""
     return (Stage(0.0, final),)
 
 
 @dataclass(frozen=True)
 class Method:
-    """A training method. Callables get the configuration of a training (`stiction.learning.config.TrainCfg`)."""
+    """Training method. Callables get the configuration of a training (`stiction.learning.config.TrainCfg`)."""
 
     name: str
     description: str
-    """Friction in training, in words for people."""
+    """Friction in training, in words."""
     friction_range: tuple[float, float] = (0.0, 0.0)
-    """Multiplier of the nominal dry friction in the last stage, unless the configuration names another."""
+    """Multiplier of the nominal dry friction in the last stage, unless the configuration has another."""
     schedule: Callable[[Mixture, float, int], tuple[Stage, ...]] = one_stage
     """Last distribution of the multiplier, share of the iterations before friction, steps -> stages of friction."""
     schedule_options: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ class Method:
     compensation: str | None = None
     """Friction added to the command, as `parse_compensation` reads it; None: none."""
     settings: type[Any] | None = None
-    """Frozen dataclass of its settings, which all have defaults; None: it has none."""
+    """Frozen dataclass of its settings, which all have defaults; or None."""
     one_phase: bool = False
     """True if it learns in one phase, on the student's observations."""
     actor: Callable[[TrainCfg], Mapping[str, Any]] | None = None
@@ -71,17 +71,17 @@ class Method:
     """rsl_rl's configuration of its algorithm, a subclass of `AdaptationPPO`, whose `figures` are recorded in every
     iteration; it trains in one process. None: `AdaptationPPO`."""
     acts_on_fleet: bool = False
-    """True if it acts on the simulated robots beside the policy: on the host and in MuJoCo alone."""
+    """True if it acts on the simulated robots in addition to the policy: on the host and in MuJoCo only."""
     even: Callable[[TrainCfg], Mapping[str, int]] | None = None
-    """Sizes of its networks, by name, that symmetric networks split into halves; None: it has the usual networks."""
+    """Sizes of its networks, by name, that symmetric networks split into halves; None: the usual networks."""
     check: Callable[[TrainCfg], None] = lambda cfg: None
-    """Raises `ConfigurationError` where a configuration cannot be trained."""
+    """Function that raises `ConfigurationError` for a configuration that cannot be trained."""
     preset: Callable[[TrainCfg], TrainCfg] = lambda cfg: cfg
     """Preset -> preset for this method; the method itself is not set."""
     unused: tuple[str, ...] = ()
-    """Paths of settings of other methods' trainings that have no effect in its own."""
+    """Paths of settings of other methods without an effect in this one."""
     notes: Callable[[TrainCfg], Iterator[str] | tuple[()]] = lambda cfg: ()
-    """Sentences that a user is told when a run begins."""
+    """Sentences for the user at the begin of a run."""
     policy: str = "the student of rapid motor adaptation"
     """Kind of its policies, for the card of a bundle."""
     contract: Callable[[TrainCfg], Mapping[str, Any]] = lambda cfg: {}
@@ -105,7 +105,7 @@ OWN = {
 
 
 EXPERIMENTAL = ("compensation", "dreamwaq", "finetune", "hinf", "iterative")
-"""Methods of the distribution of the experiments, known by name where it is not installed."""
+"""Methods of the distribution of the experiments, known by name if it is not installed."""
 
 
 def method_names() -> list[str]:
@@ -114,28 +114,28 @@ def method_names() -> list[str]:
 
 
 def installed_methods() -> list[Method]:
-    """Return the methods of other distributions that are installed, in alphabetical order.
+    """Return the installed methods of other distributions, in alphabetical order.
 
-    One that fails to load is left out: who asks for it by name is told why, and nobody else is stopped by it.
+    One that fails to load is left out: its error appears only to users who name it.
     """
-    found = []
+    methods = []
     for name in method_names()[len(OWN) :]:
         with suppress(ConfigurationError):
-            found += [method for method in (known_method(name),) if method is not None]
-    return found
+            methods += [method for method in (known_method(name),) if method is not None]
+    return methods
 
 
 @cache
 def known_method(name: str) -> Method | None:
-    """Return a method by its name; None where it is not installed. Raises `ConfigurationError` where it is broken."""
-    found = OWN.get(name) or find_installed(METHODS, name)
-    if found is not None and not (isinstance(found, Method) and found.name == name):
+    """Return a method by its name; None if it is not installed. Raises `ConfigurationError` if it is broken."""
+    method = OWN.get(name) or find_installed(METHODS, name)
+    if method is not None and not (isinstance(method, Method) and method.name == name):
         raise ConfigurationError(f"entry point {name!r} of {METHODS}: got no method of this name; reinstall it")
-    return found
+    return method
 
 
 def describe_method(name: str) -> str:
-    """Return a method in words for people; the name of one that is not installed."""
+    """Return a method in words; the name of one that is not installed."""
     if name == IMPORTED:
         return "trained elsewhere; what friction it met is not known"
     method = known_method(name)
@@ -143,9 +143,9 @@ def describe_method(name: str) -> str:
 
 
 def find_method(name: str) -> Method:
-    """Return a method by its name. Raises `ConfigurationError` where there is none, or it is not installed."""
-    if (found := known_method(name)) is not None:
-        return found
+    """Return a method by its name. Raises `ConfigurationError` for an unknown one, or one that is not installed."""
+    if (method := known_method(name)) is not None:
+        return method
     if name in EXPERIMENTAL:
         raise ConfigurationError(without_experiments(f"the method {name!r}"))
     raise ConfigurationError(unknown_name("friction method", name, method_names()))

@@ -1,8 +1,8 @@
-"""The observation of a policy as data: which terms, how they are scaled and cut off, and how frames are stacked.
+"""Observation of a policy as data: its terms, their scales and clips, and the stacking of frames.
 
-It is written once and travels in the bundle's contract; training builds it in torch, the runtime and every evaluation
-in NumPy (`deploy.observation`). The paper's policies have `proprioception`; policies that were trained elsewhere have
-whatever terms of `TERM_NAMES` their makers chose, in their order.
+It is written once and stored in the bundle's contract; training builds it in torch, the runtime and every evaluation in
+NumPy (`deploy.observation`). The paper's policies have `proprioception`; imported policies have any terms of
+`TERM_NAMES`, in their order.
 """
 
 from __future__ import annotations
@@ -17,42 +17,42 @@ from stiction.files.contract_rules import TERM_RULES, expect, one_of
 from stiction.files.known_friction import TERM
 
 HISTORY_LENGTH = 11
-"""H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
+"""History length. H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """One entry of a frame: value = clip((raw - offset) * scale)."""
+    """Entry of a frame: value = clip((raw - offset) * scale)."""
 
     name: str
-    """Which quantity: one of `TERM_NAMES`."""
+    """Name of the quantity: one of `TERM_NAMES`."""
     size: int
     """Number of entries."""
     scale: float | tuple[float, ...]
     """Multiplier of the raw quantity: one number, or one of each entry."""
     clip: float | tuple[float, ...]
-    """Symmetric bound after scaling: one number, or one of each entry; `NO_CLIP` or more is none."""
+    """Symmetric bound after scaling: one number, or one of each entry; `NO_CLIP` or more means no clip."""
     frame: str
     """`base` (x forward, y left, z up), `heading` (the same, but z up in the world), `joint`, `joint_size` (of joints,
     the same where an axis points the other way), `kind` (of joint), `side`, `command`, `clock` or `none`."""
     offset: str = "none"
-    """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
+    """Value subtracted before scaling: `none`, or `standing` for the standing pose."""
     history_length: int | None = None
-    """Frames of this term, where the layout stacks term by term; None: as many as the layout says."""
+    """Frames of this term, if the layout stacks term by term; None: the layout's number."""
 
     @property
     def scales(self) -> np.ndarray:
-        """The scale of every entry, shape (size,)."""
+        """Scale of every entry, shape (size,)."""
         return np.broadcast_to(np.array(self.scale, dtype=np.float64), (self.size,))
 
     @property
     def clips(self) -> np.ndarray:
-        """The bound of every entry, shape (size,)."""
+        """Bound of every entry, shape (size,)."""
         return np.broadcast_to(np.array(self.clip, dtype=np.float64), (self.size,))
 
 
 NO_CLIP = 1e6
-"""Bound that nothing reaches: no clip. Also that of the action, in multiples of its scale."""
+"""Bound that is never reached: no clip. Also that of the action, in multiples of its scale."""
 
 TERM_NAMES = (
     *("angular_velocity", "roll_pitch", "placeholder_terrain", "command", "placeholder_gait", "joint_position"),
@@ -60,32 +60,31 @@ TERM_NAMES = (
     *("slow_speed", "slow_power", "projected_gravity", "base_linear_velocity", "command_linear", "command_turn"),
     *("phase", "phase_sin", "phase_cos", "height_scan"),
 )
-"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
-what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-];
-`first_side`, see `FIRST_SIDE`; slow means,
-see `SLOW_TERMS`; and what policies of others observe: the direction of gravity in the base's frame, (0, 0, -1) upright;
-the base's velocity in its own frame [m/s], which no sensor of a robot measures; the command in parts, forward and
-sideways [m/s] or turn [rad/s]; a gait clock, see `GaitClock`: `phase` is the sines of all phases and then their
-cosines; and heights, see `HeightScan`. The last action is the one after clipping."""
+"""Names of terms: the paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always
+zero. Then terms of some policies: `known_friction`, identified f/τ_max of each kind of joint [-]; `first_side`, see
+`FIRST_SIDE`; slow means, see `SLOW_TERMS`; and observations of imported policies: the direction of gravity in the
+base's frame, (0, 0, -1) upright; the base's velocity in its frame [m/s], which no sensor of a robot measures; the
+command in parts, forward and sideways [m/s] or turn [rad/s]; a gait clock, see `GaitClock`: `phase` is the sines of all
+phases and then their cosines; and heights, see `HeightScan`. The last action is the one after clipping."""
 
 FIRST_SIDE = "first_side"
-"""Which of two mirror images of a gait the robot walks: 1 or -1, drawn for every episode in training, 1 where it is
-deployed. A symmetric policy in a symmetric pose can begin with neither side; this input says which one begins."""
+"""Choice between two mirror images of a gait: 1 or -1, drawn for every episode in training, 1 on the robot. A symmetric
+policy in a symmetric pose can begin with neither side; this input selects one."""
 
 SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
-"""Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is how far its
-angle is from the last target, standing + action_scale a_{t-1} − θ.
+"""Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is the distance
+of its angle from the last target, standing + action_scale a_{t-1} − θ.
 
-kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
-kp |e| is up to f. So f follows from the three together, and from no frame alone. Since the last reset frame i weighs
+kp e θ' is the mean power dissipated by dry friction and damping, f |θ'| + (B + kd) θ'²; for a stuck joint, kp |e| is up
+to f. So f follows from the three together, and from no single frame. Since the last reset frame i weighs
 
-    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
+  mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
 """
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
 
 CLOCK_TERMS = ("phase", "phase_sin", "phase_cos")
-"""Terms that a gait clock gives."""
+"""Terms of a gait clock."""
 
 FRAMES = {
     **dict.fromkeys(("angular_velocity", "roll_pitch", "projected_gravity", "base_linear_velocity"), "base"),
@@ -98,27 +97,27 @@ FRAMES = {
     FIRST_SIDE: "side",
     TERM: "kind",
 }
-"""Term -> the frame that it is in."""
+"""Term -> its frame."""
 
 LONGEST_HISTORY, MOST_TERMS, MOST_ENTRIES, MOST_POINTS = 1000, 64, 2**16, 4096
-"""Frames of a history, terms of a frame, entries of an observation, and points of a height scan."""
+"""Maximum frames of a history, terms of a frame, entries of an observation, and points of a height scan."""
 
 
 @dataclass(frozen=True)
 class GaitClock:
-    """Phases that run on with time: φ_i(k) = offset_i + 2π k T/period in the k-th control step of period T."""
+    """Phases that advance with time: φ_i(k) = offset_i + 2π k T/period in the k-th control step of period T."""
 
     period: float
-    """Time in which every phase turns once [s]."""
+    """Time of one turn of every phase [s]."""
     offsets: tuple[float, ...]
-    """Phase of each foot, or pair of feet, where k = 0 [rad]."""
+    """Phase of each foot, or pair of feet, at k = 0 [rad]."""
     first: int = 0
     """k of the first observation after a reset."""
     standing: float | None = None
-    """What every phase is while the robot is told to stand [rad]; when it walks on, k begins at 0. None: the clock does
-    not know of standing, and always runs."""
+    """Phase of all feet while the robot is told to stand [rad]; when it walks on, k restarts at 0. None: the clock
+    always runs."""
     standing_below: float = 0.01
-    """It stands while the commanded speed [m/s] and the commanded turn [rad/s] are both below this."""
+    """Bound of the commanded speed [m/s] and turn [rad/s] below which both mean standing."""
 
     def __post_init__(self) -> None:
         turns = isinstance(self.offsets, tuple) and 0 < len(self.offsets) <= 64
@@ -140,7 +139,7 @@ class HeightScan:
     points: tuple[tuple[float, float], ...]
     """Forward and left of the base [m], along its heading."""
     offset: float = 0.0
-    """What is subtracted [m]."""
+    """Value subtracted [m]."""
 
     def __post_init__(self) -> None:
         right = isinstance(self.points, tuple) and 0 < len(self.points) <= MOST_POINTS and is_number(self.offset, 1e3)
@@ -154,23 +153,23 @@ class HeightScan:
 
 @dataclass(frozen=True)
 class ObservationLayout:
-    """The terms of one frame, and how frames are stacked."""
+    """Terms of one frame, and the stacking of frames."""
 
     terms: tuple[Term, ...]
     history_length: int = HISTORY_LENGTH
     direction: str = "oldest_first"
     """`oldest_first` or `newest_first`."""
     layout: str = "frame_major"
-    """`frame_major`: whole frames, one after the other; `term_major`: of each term all its frames."""
+    """`frame_major`: whole frames, one after the other; `term_major`: all frames of each term."""
     slow_kept: float | None = None
-    """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None where
-    there are no slow means."""
+    """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None
+    without slow means."""
     fill: str = "first"
-    """What the history before a reset is: `first`, the first frame again, or `zero`."""
+    """History after a reset: `first`, copies of the first frame, or `zero`."""
     clock: GaitClock | None = None
-    """The gait clock, where a term observes one."""
+    """Gait clock, if a term observes one."""
     heights: HeightScan | None = None
-    """The points of `height_scan`, where that is a term."""
+    """Points of `height_scan`, if that is a term."""
 
     def __post_init__(self) -> None:
         for term in self.terms:
@@ -192,24 +191,24 @@ class ObservationLayout:
             raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {weight!r}: expected one in (0, 1)")
         if not slow and weight is not None:
             raise BundleError(f"observation slow_kept {weight!r} without a slow term: expected none")
-        for needs, given, what in (
+        for needs, value, what in (
             (any(map(self.has, CLOCK_TERMS)), self.clock, "clock"),
             (self.has("height_scan"), self.heights, "heights"),
         ):
-            if needs != (given is not None):
-                raise BundleError(f"observation {what} {given!r}: expected it with a term that observes it, else none")
+            if needs != (value is not None):
+                raise BundleError(f"observation {what} {value!r}: expected it with a term that observes it, else none")
 
     def has(self, name: str) -> bool:
-        """Say whether a frame has a term of this name."""
+        """Return whether a frame has a term of this name."""
         return any(term.name == name for term in self.terms)
 
     def history_of(self, term: Term) -> int:
-        """Return how many frames of a term the policy sees."""
+        """Return the number of frames of a term in the input."""
         return self.history_length if term.history_length is None else term.history_length
 
     @property
     def depth(self) -> int:
-        """Frames that have to be kept."""
+        """Number of frames to store."""
         return max(map(self.history_of, self.terms), default=1)
 
     @property
@@ -223,7 +222,7 @@ class ObservationLayout:
         return sum(term.size * self.history_of(term) for term in self.terms)
 
     def order(self) -> np.ndarray:
-        """Return which entry of the kept frames, oldest first and flattened, each entry of the input is, (size,)."""
+        """Return the index, into the stored frames, oldest first and flattened, of each entry of the input, (size,)."""
         frame, depth, starts = self.frame_size, self.depth, np.cumsum([0, *(term.size for term in self.terms)])
         # Of each term, frame by frame, the places of its entries among the kept frames; its own history may be shorter.
         blocks = [
@@ -237,13 +236,15 @@ class ObservationLayout:
         return np.concatenate([block.ravel() for block in blocks])
 
     def newest(self) -> np.ndarray:
-        """Return where in the input the newest frame's entries are, in the frame's order, shape (frame_size,)."""
+        """Return the positions in the input of the newest frame's entries, in the frame's order, shape
+        (frame_size,).
+        """
         order = self.order()
         places = np.flatnonzero(order >= self.frame_size * (self.depth - 1))
         return places[np.argsort(order[places])]
 
     def check(self, num_joints: int, num_kinds: int) -> None:
-        """Check that every term has the size and the numbers that a runtime can build; raise `BundleError` else.
+        """Check that every term has a size and numbers that a runtime can build; raise `BundleError` otherwise.
 
         num_joints, num_kinds: joints of the robot, and kinds of them.
         """
@@ -289,9 +290,8 @@ def proprioception(
     is needed, and the deployed observation is a fixed function of the sensors.
 
     num_joints: of the robot; history_length: frames in o_H, the present one included; known_kinds: kinds of joints
-    whose friction the policy observes; slow_kept: see `ObservationLayout`; first_side: True if the policy is told
-    which side begins, see `FIRST_SIDE`; clock: gait clock that the policy observes. By default none of these, as in the
-    paper.
+    whose friction the policy observes; slow_kept: see `ObservationLayout`; first_side: True to observe the first side,
+    see `FIRST_SIDE`; clock: observed gait clock. By default none of these, as in the paper.
     """
     terms: tuple[Term, ...] = (
         Term("angular_velocity", 3, 0.25, 5.0, "base"),

@@ -1,9 +1,9 @@
-"""Onset: the friction from which on a policy that never met friction stops following, as others' onsets predict it.
+"""Onset: the friction at which a policy trained without friction stops following, predicted from measured onsets.
 
 Reach is the least ratio of mean velocity to command, over the commanded axes. The onset is the friction at which the
 worst reach of the fast commands falls under `LEAST`. On some axis, friction over what a joint's gains, targets, motion
-or torque can do against it, onsets of robots and gains lie close to each other: `onset.json` beside this module has
-those that walked, as the study of onsets wrote it, and which axis that is.
+or torque can do against it, onsets of robots and gains lie close to each other: `onset.json` in this folder has the
+measured ones, written by the study of onsets, and that axis.
 """
 
 from __future__ import annotations
@@ -43,27 +43,27 @@ AXES = {
     "torque_mean": "f / rms of torque, mean",
     "work": "work against f / work of the motors, all joints",
 }
-"""Axis -> its text, what needs less knowledge first."""
+"""Axis -> its text; axes that need less knowledge come first."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What joints do in walking without friction, shape (J,); the first three are root mean squares over walks."""
+    """Motion of joints in walking without friction, shape (J,); the first three are root mean squares over walks."""
 
     targets: np.ndarray
-    """Of the policy's targets about their mean over a walk [rad]."""
+    """Deviation of the policy's targets from their mean over a walk [rad]."""
     angles: np.ndarray
-    """Of the angles about their mean over a walk [rad]."""
+    """Deviation of the angles from their mean over a walk [rad]."""
     torque: np.ndarray
-    """Of the motors' torque [N m]."""
+    """Torque of the motors [N m]."""
     speed: np.ndarray
-    """Mean of the joint's speed without its sign [rad/s]."""
+    """Mean absolute speed of the joint [rad/s]."""
     power: np.ndarray
-    """Mean of torque times velocity, without its sign [W]."""
+    """Mean absolute power, torque times velocity [W]."""
 
 
 def motion_of(targets: np.ndarray, angles: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> Motion:
-    """Return what joints did in N walks of T steps, each of shape (T, N, J) [rad, rad, rad/s, N m]."""
+    """Return the motion of joints in N walks of T steps, each of shape (T, N, J) [rad, rad, rad/s, N m]."""
     return Motion(
         rms(targets - targets.mean(axis=0)),
         rms(angles - angles.mean(axis=0)),
@@ -79,7 +79,7 @@ def rms(signal: np.ndarray) -> np.ndarray:
 
 
 def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion | None) -> dict[str, float]:
-    """Return what each axis is per friction over torque limit, by name; without a motion those that need none alone.
+    """Return each axis per friction over torque limit, by name; without a motion only axes that need none.
 
     kp: gains [N m/rad]; limit: torque limits [N m], both (J,).
     """
@@ -99,7 +99,7 @@ def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion | None)
 
 @dataclass(frozen=True)
 class OnsetCondition:
-    """One robot with its gains, over the training seeds."""
+    """Robot with its gains, over the training seeds."""
 
     robot: str
     feet: int
@@ -110,10 +110,10 @@ class OnsetCondition:
     jitter: tuple[float, ...]
     """Jitter of the joints without friction, mean over commands, of each seed [rad/s²]."""
     factors: Mapping[str, tuple[float, ...]]
-    """Axis -> what it is per friction over torque limit, of each seed."""
+    """Axis -> its value per friction over torque limit, of each seed."""
 
     def on(self, axis: str, noticed: bool = False) -> float:
-        """Return the median over the seeds of the onset on an axis, or of the friction that was noticed."""
+        """Return the median over the seeds of the onset on an axis, or of the noticed friction."""
         levels = self.noticed if noticed else self.onsets
         return median(level * factor for level, factor in zip(levels, self.factors[axis], strict=True))
 
@@ -125,7 +125,7 @@ class OnsetCondition:
 
 @dataclass(frozen=True)
 class OnsetEvidence:
-    """Onsets that walked, and the axis on which they lie closest."""
+    """Measured onsets, and the axis on which they lie closest."""
 
     axis: str
     """Name in `AXES`."""
@@ -138,7 +138,7 @@ class OnsetEvidence:
     revision: str
 
     def middles(self, axis: str, noticed: bool = False) -> list[float]:
-        """Return what each condition has on an axis, upward."""
+        """Return the sorted values of all conditions on an axis."""
         return sorted(condition.on(axis, noticed) for condition in self.conditions)
 
     def spread(self, axis: str) -> float:
@@ -148,35 +148,35 @@ class OnsetEvidence:
 
 
 def read_onsets(path: Path) -> OnsetEvidence:
-    """Return the onsets that walked. Raises `StictionError`: the file cannot be read, or is none of this version."""
+    """Return the measured onsets. Raises `StictionError`: the file cannot be read, or has another version."""
     return from_plain(OnsetEvidence, take_version(read_object(path, "onsets"), SCHEMA_VERSION, path.name), path.name)
 
 
 @cache
 def shipped_onsets() -> OnsetEvidence:
-    """Return what comes with the package."""
+    """Return the shipped onsets."""
     return read_onsets(Path(__file__).with_name("onset.json"))
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Friction from which on a policy stops following, as a share of each joint's torque limit [1]."""
+    """Predicted onset, as a share of each joint's torque limit [1]."""
 
     level: float
     least: float
-    """By the condition that stopped first, on the axis."""
+    """Onset by the condition that stopped first, on the axis."""
     most: float
-    """By the one that stopped last."""
+    """Onset by the condition that stopped last."""
     axis: str
     """Name in `AXES`."""
     relative: bool
     """True if it is the friction at which reach falls under `LEAST` of that without friction."""
     outside: str
-    """Why this is an extrapolation, and the nearest evidence; empty where it is none."""
+    """Reason why this is an extrapolation, and the nearest evidence; empty if it is not."""
 
     @property
     def text(self) -> str:
-        """The prediction as a sentence, with what it rests on."""
+        """Prediction as a sentence, with its basis."""
         span = f"{100 * self.least:.2g} to {100 * self.most:.2g} %"
         what = f"falls under {100 * LEAST:g} % of its speed without friction" if self.relative else "stops following"
         text = f"{what} at {100 * self.level:.2g} % of the torque limit ({span}), by {AXES[self.axis]}"
@@ -186,10 +186,10 @@ class Prediction:
 def predict_onset(
     contract: Contract, motion: Motion | None, evidence: OnsetEvidence | None = None
 ) -> Prediction | None:
-    """Return from which friction on a policy stops following; None where its axis needs a motion and there is none.
+    """Return the predicted onset of a policy; None where its axis needs a motion and none is given.
 
-    It is for policies that never met friction; one that was trained with it follows as far as it was trained. motion:
-    of walks without friction; evidence: by default what comes with the package.
+    It is for policies trained without friction; one trained with friction follows as far as it was trained. motion: of
+    walks without friction; evidence: by default the shipped one.
     """
     evidence, robot = evidence or shipped_onsets(), robot_of(contract)
     factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
@@ -202,7 +202,7 @@ def predict_onset(
 
 
 def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
-    """Return what joints did in a recording; None where they had friction in it, or no torque is there."""
+    """Return the motion of joints in a recording; None if they had friction in it, or it has no torque."""
     if max(contract.friction) > 0.0 or golden.torque is None:
         return None
     walked = slice(None) if golden.walked is None else golden.walked
@@ -211,7 +211,9 @@ def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
 
 
 def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
-    """Return why a robot is outside of what walked, and the condition nearest to it by feet and softness of gains."""
+    """Return why a robot is outside the measured range, and the condition nearest to it by feet and softness of
+    gains.
+    """
     feet = sorted({condition.feet for condition in evidence.conditions})
     soft = [condition.softness for condition in evidence.conditions]
     reasons = []
@@ -223,7 +225,7 @@ def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
         return ""
     near = min(
         evidence.conditions,
-        key=lambda one: (abs(one.feet - len(robot.feet)), abs(math.log(one.softness / dead_band))),
+        key=lambda item: (abs(item.feet - len(robot.feet)), abs(math.log(item.softness / dead_band))),
     )
     onset = f"{100 * median(near.onsets):.2g} %"
     return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, stopped at {onset}"

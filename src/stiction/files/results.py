@@ -22,14 +22,14 @@ DIRECTIONS = ("vx=0.5", "vx=-0.5")
 """Forward and backward: the commands by which training methods are compared."""
 
 FOLLOWS = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
+"""Range of speed ratios that follow the command [-]."""
 
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One row of results.csv; its fields are the columns, in their order. None is an empty cell.
+    """Row of results.csv; its fields are the columns, in their order. None is an empty cell.
 
-    Tables for people show the measured columns, see `core.records.column`.
+    Tables for readers show the measured columns, see `core.records.column`.
     """
 
     policy: str
@@ -49,7 +49,7 @@ class ResultRow:
     command: str
     """Commanded velocity: `vx=0.5`."""
     speed_ratio: float | None = field(metadata=column("speed ratio", form=".2f"))
-    """Speed reached along the command over the commanded speed [-]; None where none is commanded."""
+    """Speed reached along the command over the commanded speed [-]; None without a commanded speed."""
     tracking_error: float = field(metadata=column("error", form=".3f"))
     """Mean error of the velocity, averaged over windows of 1 s [m/s], of the yaw rate [rad/s] for a pure turn."""
     fall_rate: float = field(metadata=column("falls", form=".0%"))
@@ -59,24 +59,26 @@ class ResultRow:
     steps_climbed: float | None = field(metadata=column("steps passed", form=".1f"))
     """Mean number of stairs climbed; None on flat ground."""
     cost_of_transport: float | None = field(metadata=column("cost of transport", form=".2f"))
-    """Mechanical energy over weight times displacement [-]; None where the robot does not get away."""
+    """Mechanical energy over weight times displacement [-]; None for a robot that does not move away."""
     joint_jitter: float = field(metadata=column("jitter", form=".0f"))
     """Root mean square, over joints and steps, of the change of joint velocity over one control period, divided by that
-    period [rad/s²]. Motion faster than half the control rate aliases: a joint that swings once a period shows none."""
+    period [rad/s²]. Motion faster than half the control rate aliases: a joint that swings once per period shows
+    none."""
     tripod_share: float | None = field(metadata=column("tripod", form=".0%"))
-    """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without any."""
+    """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without such
+    steps."""
     flight_share: float | None = field(metadata=column("flight", form=".0%"))
-    """Share of moving steps with no foot on the ground [-]; None without any."""
+    """Share of moving steps with no foot on the ground [-]; None without such steps."""
     episodes: int = field(metadata=column("episodes"))
     """Number of episodes behind the row."""
     slowest: float | None = field(default=None, metadata=LATER)
-    """Of virtual robots the speed ratio of the slowest robot, the mean over its walks [-]; None on the robot of the
-    data sheet, and in older files. Of a single walk: `slowest_walk`."""
+    """Speed ratio of the slowest virtual robot, the mean over its walks [-]; None on the robot of the data sheet, and
+    in older files. For a single walk: `slowest_walk`."""
     fastest: float | None = field(default=None, metadata=LATER)
-    """The same of the fastest robot [-]."""
+    """Speed ratio of the fastest virtual robot [-]."""
     slowest_walk: float | None = field(default=None, metadata=LATER)
     """Smallest ratio of reached to commanded velocity of any single walk, along any commanded axis and on any robot
-    [-]; None where no speed is commanded, and in older files. Older rows of several axes have it along the command."""
+    [-]; None without a commanded speed, and in older files. Older rows of several axes have it along the command."""
     mean_vx: float | None = field(default=None, metadata=LATER)
     """Mean forward velocity over all walks, zero after a fall [m/s]; None in older files."""
     mean_vy: float | None = field(default=None, metadata=LATER)
@@ -93,8 +95,8 @@ class ResultRow:
 
     @property
     def ends(self) -> tuple[float, float] | None:
-        """Speed ratio of the slowest and of the fastest robot, each the mean over its walks [-]: both are the row's own
-        where they are not known, or it is one robot; None where no speed is commanded.
+        """`(slowest, fastest)` speed ratios of robots, each a mean over walks [-]; both equal `speed_ratio` when
+        per-robot values are missing, or for one robot; None without a commanded speed.
         """
         if self.slowest is None or self.fastest is None:
             return None if self.speed_ratio is None else (self.speed_ratio, self.speed_ratio)
@@ -109,7 +111,7 @@ LATER_COLUMNS = tuple(item.name for item in fields(ResultRow) if item.metadata.g
 
 
 def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:
-    """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, None of those without."""
+    """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, or None."""
     known = [ratio for ratio in ratios if ratio is not None]
     return {"slowest": min(known, default=None), "fastest": max(known, default=None)}
 
@@ -120,7 +122,7 @@ def slowest_of(command: Command, velocities: Iterable[Sequence[float]]) -> float
 
 
 def tell_slowest_walk(rows: Iterable[ResultRow]) -> bool:
-    """Say whether any row knows its slowest walk: of others tables have no column for it."""
+    """Return whether any row has `slowest_walk`; older files do not."""
     return any(row.slowest_walk is not None for row in rows)
 
 
@@ -135,18 +137,18 @@ def read_results(path: Path) -> list[ResultRow]:
 
 
 INDENTED = 500_000
-"""Longest summary.json that is written with indentation [B]: it grows by half."""
+"""Maximum size of a summary.json that is written with indentation [B], which adds half."""
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
-    """Write summary.json; a number that is not finite is refused by the encoder (`ValueError`)."""
+    """Write summary.json; a number that is not finite is refused (`ValueError`)."""
     write_text(path, summary_text(summary))
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """Return what a summary.json has.
+    """Return the contents of a summary.json.
 
-    Raises `StictionError`: it cannot be read, or is none of this version.
+    Raises `StictionError`: it cannot be read, or has another version.
     """
     data = take_version(read_object(path, "a summary.json"), SCHEMA_VERSION, path.name)
     return {"schema_version": SCHEMA_VERSION} | data
@@ -162,8 +164,8 @@ def summary_text(summary: dict[str, Any]) -> str:
 def read_metrics(path: Path) -> list[dict[str, Any]]:
     """Return the figures of every iteration, in order; empty without the file.
 
-    A run that is killed may leave its last line cut off: what follows the last whole line does not count. Raises
-    `StictionError` where the file cannot be read.
+    A killed run may leave its last line cut off, which is ignored. Raises `StictionError` where the file cannot be
+    read.
     """
     rows: list[dict[str, Any]] = []
     try:

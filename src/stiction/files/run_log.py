@@ -1,13 +1,13 @@
-"""The log of a deployed run: a folder that stays readable whatever ended the run.
+"""Log of a deployed run: a folder that stays readable however the run ended.
 
-`log.json` says what the arrays cannot: robot, joints, gains, policy. Beside it lie parts, NPZ files of half a second
-each, whole or not there at all, which are merged into one a minute:
+`log.json` holds robot, joints, gains, policy. Next to it are parts, NPZ files of half a second each, written
+atomically, which are merged into one per minute:
 
-    readings-000000-000119.npz   one row a reading of the robot, 500 a second
-    steps-000000-000119.npz      one row a step of the policy, 50 a second
+  readings-000000-000119.npz   one row per reading of the robot, 500 a second
+  steps-000000-000119.npz      one row per step of the policy, 50 a second
 
-The two numbers are the first and the last half second in it. A part that a merged one covers does not count. Each part
-says of which run it is, so that parts of two runs are not taken for one.
+The two numbers are its first and last half second. A part that a merged one covers is ignored. Each part names its run,
+so that parts of two runs are not mixed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from stiction.files.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, re
 from stiction.joints.net import TorqueSource
 
 LOG = "log"
-"""Folder of the log in that of a run."""
+"""Folder of the log in the folder of a run."""
 
 HEADER = "log.json"
 SCHEMA, SCHEMA_VERSION = "stiction-run-log", 1
@@ -41,35 +41,35 @@ READINGS, STEPS = "readings", "steps"
 """The two tables."""
 
 PART = re.compile(r"(readings|steps)-(\d{6})-(\d{6})\.npz")
-"""Name of a part."""
+"""Pattern of a part's name."""
 
 MOST_PARTS = 5000
-"""More than a day of minutes, twice."""
+"""Maximum number of parts: more than a day of minutes, twice."""
 
 RUN = "run"
-"""Array of a part, a text: of which run it is."""
+"""Array of a part with the name of its run."""
 
 MOVED = 1e-3
-"""Range of a target beyond which its joint was moved [rad]."""
+"""Minimum range of a target for its joint to count as moved [rad]."""
 
 RUN_STAGE = 2
-"""Stage of the supervisor in which policy or motion had the robot, see `deploy.runtime.supervisor.Stage`."""
+"""Stage of the supervisor in which policy or motion controls the robot, see `deploy.runtime.supervisor.Stage`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunLogHeader(WalkHeader):
-    """What the arrays of a run cannot say. `policy`: name of the bundle; empty where a motion was played."""
+    """Description of a run. `policy`: name of the bundle; empty where a motion was played."""
 
     control_period: float
     """Time between two steps of the policy [s]."""
     digest: str
     """Digest of the bundle; empty where a motion was played."""
     armed: bool
-    """Whether commands were sent."""
+    """True if commands were sent."""
     torque_source: TorqueSource | None = "motor_side"
-    """As in every log: `motor_side` for currents."""
+    """Place of the torque measurement, as in every log: `motor_side` for currents."""
     run: str = ""
-    """What tells this run from every other, which each part repeats; empty in logs of before there was one."""
+    """Unique name of the run, repeated in each part; empty in older logs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,26 +79,26 @@ class RunLogHeader(WalkHeader):
             raise LogError("control_period, armed, digest, run: expected a number above 0, true or false, and texts")
 
     def of_walk(self) -> WalkHeader:
-        """Return what the header of a walking log has of it."""
+        """Return the header of a walking log."""
         return WalkHeader(**{item.name: getattr(self, item.name) for item in fields(WalkHeader)})
 
 
 NOT_OF_RUNS = ("recorded_in", "command", "noise")
-"""Fields of a walking log's header that the log of a run has not."""
+"""Fields of a walking log's header that the log of a run lacks."""
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """A run as logged: its header, and both tables, matrices over joints with one row a sample."""
+    """Run as logged: its header, and both tables, matrices over joints with one row per sample."""
 
     header: RunLogHeader
-    """What the arrays cannot say."""
+    """Description of the run."""
     readings: Columns
     """`time`, `stage`, `position`, `velocity`, `torque`, `target`, `requested`, `limited_by`, `quaternion`, ..."""
     steps: Columns
     """`time`, `target`, `action`, `frame`, `lateness`, `wear`, ..."""
     notes: tuple[str, ...] = ()
-    """What a reader should know of how the log was read."""
+    """Notes for readers on how the log was read."""
 
 
 def write_run_header(folder: Path, header: RunLogHeader) -> None:
@@ -113,17 +113,17 @@ def part_name(table: str, first: int, last: int) -> str:
 
 
 def is_run_log(path: Path) -> bool:
-    """Return whether a folder is the log of a run by its looks."""
+    """Return whether a folder looks like the log of a run."""
     return (path / HEADER).is_file()
 
 
 def find_run_log(path: Path) -> Path | None:
-    """Return the folder of the log where a path is one, or the folder of a run that has one; else None."""
+    """Return the folder of the log, from its path or that of its run; else None."""
     return next((folder for folder in (path, path / LOG) if is_run_log(folder)), None)
 
 
 def is_walk_log(path: Path) -> bool:
-    """Return whether a path is a walking log by its looks: of our own form, or the log of a run with a policy."""
+    """Return whether a path looks like a walking log: of the canonical form, or the log of a run with a policy."""
     folder = find_run_log(path)
     if folder is None:
         return path.suffix == ".npz" and path.is_file() and is_walk(path)
@@ -137,10 +137,10 @@ def read_walk_log(path: Path) -> WalkLog:
 
 
 def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
-    """Return first and last half second, and name, of the parts that count, in order: no part covers another."""
-    found = [match for name in names if (match := PART.fullmatch(name)) and match[1] == table]
+    """Return first and last half second, and name, of the valid parts, in order: no part covers another."""
+    matches = [match for name in names if (match := PART.fullmatch(name)) and match[1] == table]
     # Of parts that begin together the longest comes first: a minute before the half seconds that are in it.
-    parts = sorted((int(match[2]), -int(match[3]), match[0]) for match in found)
+    parts = sorted((int(match[2]), -int(match[3]), match[0]) for match in matches)
     chosen: list[tuple[int, int, str]] = []
     for first, last, name in parts:
         if not chosen or first > chosen[-1][1]:
@@ -151,8 +151,8 @@ def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
 def read_run_log(folder: Path) -> RunLog:
     """Read the log of a run; nothing in it is executed.
 
-    Raises `LogError`: no such log, another version, a field of the wrong kind, no readings, parts of another run,
-    twice, in another order or of other shapes.
+    Raises `LogError`: another kind of folder, another version, a field of the wrong kind, no readings, parts of another
+    run, repeated, in another order or of other shapes.
     """
     header = read_run_header(folder)
     names = _names_in(folder)
@@ -172,9 +172,9 @@ def read_run_log(folder: Path) -> RunLog:
 
 
 def _whole_parts(folder: Path, names: list[str], table: str) -> tuple[list[tuple[int, int, str]], list[str]]:
-    """Return the parts that count, see `parts_of`, and the names of those that they cover.
+    """Return the valid parts, see `parts_of`, and the names of those that they cover.
 
-    Raises `LogError` for a part that is neither beside nor within the others.
+    Raises `LogError` for a part that overlaps another.
     """
     parts = parts_of(names, table)
     chosen = {name for *_, name in parts}
@@ -188,15 +188,15 @@ def _whole_parts(folder: Path, names: list[str], table: str) -> tuple[list[tuple
 
 
 def read_part(path: Path, run: str, most: int | None = None) -> Columns:
-    """Return the arrays of a part, numbers with one row a sample.
+    """Return the arrays of a part, numbers with one row per sample.
 
-    run: of which the part must be; most: bytes that it may inflate to. Raises `LogError` where it is of another run,
-    or holds anything else.
+    run: name of its run; most: maximum inflated size [B]. Raises `LogError` for a part of another run, or of other
+    contents.
     """
     arrays = parse_npz(path.name, read_bytes(path), most)
-    said = str(arrays.pop(RUN, ""))
-    if said != run:
-        raise LogError(f"{path}: is a part of another run ({said[:40]!r}, the log's {HEADER} says {run[:40]!r})")
+    part_run = str(arrays.pop(RUN, ""))
+    if part_run != run:
+        raise LogError(f"{path}: is a part of another run ({part_run[:40]!r}, the log's {HEADER} says {run[:40]!r})")
     lengths = {array.shape[:1] for array in arrays.values()}
     if (
         "time" not in arrays
@@ -208,7 +208,7 @@ def read_part(path: Path, run: str, most: int | None = None) -> Columns:
 
 
 def _joined(folder: Path, table: str, names: list[str], run: str) -> Columns:
-    """Return the arrays of all parts behind each other; raise `LogError` where they are not parts of one table."""
+    """Return the arrays of all parts concatenated; raise `LogError` where they are not parts of one table."""
     parts: list[Columns] = []
     # Half: parts and what is joined of them are in memory together.
     left = most = allowance() // 2
@@ -229,37 +229,35 @@ def _joined(folder: Path, table: str, names: list[str], run: str) -> Columns:
     joined = {name: np.concatenate([arrays[name] for arrays in parts]).astype(np.float64) for name in parts[0]}
     time = joined["time"]
     if time.ndim != 1 or not np.isfinite(time).all() or not (np.diff(time) > 0).all():
-        raise LogError(
-            f"{folder}: the {table} are not in the order of their time; a part is there twice, or under another's name"
-        )
+        raise LogError(f"{folder}: the {table} are not in the order of their time; a part is repeated or misnamed")
     return joined
 
 
 def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
-    """Return the readings, what joints and feet have as matrices, shape (T, width).
+    """Return the readings, with those of joints and feet as matrices, shape (T, width).
 
-    Raises `LogError` where a column is missing, or of another width than the header says.
+    Raises `LogError` for a missing column, or one of another width than in the header.
     """
     rows, joints, feet = len(readings["time"]), len(header.joint_names), len(header.foot_names)
     widths = dict.fromkeys(("position", "velocity", "torque", "target"), joints) | {"foot_contact": feet}
     widths |= dict.fromkeys(("angular_velocity", "acceleration", "velocity_command"), 3) | {"quaternion": 4}
     shapes: dict[str, tuple[int, ...]] = {name: (rows, width) for name, width in widths.items()}
     shapes |= dict.fromkeys(("stage", "robot_time"), (rows,))
-    found = dict(readings)
+    table = dict(readings)
     for name, shape in shapes.items():
-        if name not in found or found[name].size != math.prod(shape) or len(found[name]) != rows:
-            came = found[name].shape if name in found else "not there"
+        if name not in table or table[name].size != math.prod(shape) or len(table[name]) != rows:
+            came = table[name].shape if name in table else "not there"
             raise LogError(
                 f"{folder}: the column {name!r} is {came}; expected {shape}: {rows} readings of the {joints} joints "
                 f"and {feet} feet that {HEADER} names"
             )
         # Of a single joint or foot the recorder writes vectors.
-        found[name] = found[name].reshape(shape)
-    return found
+        table[name] = table[name].reshape(shape)
+    return table
 
 
 def read_run_header(folder: Path) -> RunLogHeader:
-    """Read `log.json`; raise `LogError` where it is none."""
+    """Read `log.json`; raise `LogError` for another file."""
     data = read_object(folder / HEADER, "the header of a run's log", LogError, 2**20)
     if data.pop("schema", None) != SCHEMA:
         raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
@@ -281,7 +279,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _of_run(log: RunLog) -> np.ndarray:
-    """Return which readings are of the run itself and can be used, bool, shape (T,); raise `LogError` if too few."""
+    """Return the mask of usable readings of the run itself, bool, shape (T,); raise `LogError` if too few."""
     rows = log.readings
     used = (rows["stage"] == RUN_STAGE) & np.isfinite(rows["position"]).all(1) & np.isfinite(rows["target"]).all(1)
     if used.sum() < 2:
@@ -295,9 +293,9 @@ def _of_run(log: RunLog) -> np.ndarray:
 
 
 def joint_log(source: str, log: RunLog) -> Log:
-    """Return a run as a log of its joints, as `identify` reads one: the run itself, without standing up and damping.
+    """Return a run as a log of its joints for `identify`: without standing up and damping.
 
-    Joints whose target stood still are left out, and said. Raises `LogError` where no target moved.
+    Joints with a constant target are left out, with a note. Raises `LogError` where no target moved.
     """
     used, rows, header = _of_run(log), log.readings, log.header
     signals, still = {}, []
@@ -310,8 +308,8 @@ def joint_log(source: str, log: RunLog) -> Log:
     if not signals:
         raise LogError(f"{source}: no target moved in this run; play a motion: deploy --excitation trajectory.csv")
     notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
-    own = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
-    joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in own}
+    motors = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
+    joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in motors}
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
     # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]
@@ -319,12 +317,15 @@ def joint_log(source: str, log: RunLog) -> Log:
 
 
 def walk_log(log: RunLog) -> WalkLog:
-    """Return a run as a walking log, the longest part of it in which no reading is missing.
+    """Return a run as a walking log: its longest part without a missing reading.
 
-    Raises `LogError` where it is none.
+    Raises `LogError` for a run without a walk.
     """
     rows, header = log.readings, log.header
-    used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
+    used = np.flatnonzero(_of_run(log))
+    away = np.abs(np.diff(rows["robot_time"][used]) / header.period - 1.0)
+    gaps = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
+    used = max(np.split(used, gaps), key=len)
     columns = {"specific_force": "acceleration", "joint_torque": "torque"}.items()
     optional = {name: rows[column][used] for name, column in columns if np.isfinite(rows[column][used]).all()}
     contact = rows["foot_contact"][used]
@@ -340,15 +341,8 @@ def walk_log(log: RunLog) -> WalkLog:
     )
 
 
-def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
-    """Return the longest part of the used readings, by their numbers, that are one period apart."""
-    away = np.abs(np.diff(time[used]) / period - 1.0)
-    ends = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
-    return max(np.split(used, ends), key=len)
-
-
 def log_digest(path: Path) -> str:
-    """Return the SHA-256 of a log: of its file, or of the files of a run's log by their names."""
+    """Return the SHA-256 of a log: of its file, or of the files of a run's log with their names."""
     folder = find_run_log(path)
     if folder is None:
         return hashlib.sha256(read_bytes(path)).hexdigest()
@@ -358,6 +352,6 @@ def log_digest(path: Path) -> str:
 
 
 def check_empty(folder: Path) -> None:
-    """Refuse a folder that has a log already: two runs must not become one. Raises `FileError`."""
+    """Reject a folder with a log: two runs must not be mixed. Raises `FileError`."""
     if is_run_log(folder):
-        raise FileError(f"{folder} has the log of a run already; name another --out, or move it away")
+        raise FileError(f"{folder} has the log of a run already; choose another --out, or move it away")

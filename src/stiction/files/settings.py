@@ -1,8 +1,8 @@
-"""What is there is not written over unasked: a folder of other results, or a file.
+"""Refuse to overwrite existing results without --overwrite.
 
-`settings.json` says what a folder of results was made with, and from inputs of which content, so that the same command
-goes on in it, and a run with others is refused. A file says no such thing: it is refused unless the same would be
-written.
+`settings.json` records the settings of a folder of results, and the digests of its inputs, so that the same command
+continues in it, and a run with others is refused. A single file has no such record: it is refused unless the same
+content would be written.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
     from stiction.files.inputs import Inputs
 
 SETTINGS = "settings.json"
-"""The file in a folder of results."""
+"""File of settings in a folder of results."""
 
 UNFINISHED = ".unfinished"
-"""The file in its place while a run lasts: where that is killed, the same command may write over what is half there."""
+"""File in its place during a run; after a kill, the same command may overwrite the partial results."""
 
 FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report", "advice", "judge_again", "key")
-"""Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
+"""Options without an effect on results; a dataclass of options may name more of them in `free`."""
 
 SAID = 3
-"""Settings, or files, that a refusal names."""
+"""Maximum number of settings, or files, in a refusal."""
 
 HOW = "choose another {}, or add --overwrite"
-"""What to do about a refusal."""
+"""Remedies of a refusal."""
 
 
 @contextmanager
 def results_folder(
     out: Path, verb: str, options: Any, results: Collection[str], inputs: Inputs | None = None
 ) -> Iterator[None]:
-    """Be the only writer of a folder of results, which has none of other settings, and note the settings at the end.
+    """Lock a folder of results, which has none of other settings, and record the settings at the end.
 
-    verb: what writes, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, lets results of
-    other settings be written over. results: files that will be written there, by their paths in `out`; inputs: what is
-    read, of which the content counts. What fails notes nothing; what is interrupted goes on with the same settings.
-    Raises `StictionError` where the folder has results of other settings, or as `output_folder`.
+    verb: its name, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, allows overwriting
+    results of other settings. results: files that will be written, by their paths in `out`; inputs: files read, whose
+    content counts. A failure records nothing; an interrupted run continues with the same settings. Raises
+    `StictionError` where the folder has results of other settings, or as `output_folder`.
     """
     from stiction.files.inputs import digests_of
 
@@ -55,7 +55,7 @@ def results_folder(
         digests = digests_of(inputs or {})
         _check(out, verb, options, results, lambda: digests)
         used = _plain(verb, options) | ({"inputs": digests} if digests else {})
-        marker, there = out / UNFINISHED, _present(out, results)
+        marker, present = out / UNFINISHED, _present(out, results)
         begun = marker.exists()
         with suppress(UnwrittenError):  # A full disk: whoever writes the results says so.
             write_text(marker, json.dumps({"verb": verb}) + "\n")
@@ -64,7 +64,7 @@ def results_folder(
         # An error of the work itself: without this clause the next one would note its settings.
         except Exception:
             # With half of the results written, the folder stays known as one that this program writes.
-            if not begun and _present(out, results) == there:
+            if not begun and _present(out, results) == present:
                 marker.unlink(missing_ok=True)
             raise
         except BaseException:
@@ -74,10 +74,10 @@ def results_folder(
 
 
 def check_settings(out: Path, verb: str, options: Any, results: Collection[str], inputs: Inputs | None = None) -> None:
-    """Raise `ConfigurationError` where a folder has results that `results_folder` would refuse to write over.
+    """Raise `ConfigurationError` where a folder has results that `results_folder` would not overwrite.
 
-    The folder has settings of before, and others, or other inputs; or it has one of the files `results` and no
-    settings: then nobody knows of what it is, and it is somebody else's.
+    The folder has other settings or other inputs; or it has one of the files `results` and no settings, so that their
+    origin is unknown.
     """
     from stiction.files.inputs import digests_of
 
@@ -87,14 +87,14 @@ def check_settings(out: Path, verb: str, options: Any, results: Collection[str],
 def _check(
     out: Path, verb: str, options: Any, results: Collection[str], digests: Callable[[], dict[str, dict[str, str]]]
 ) -> None:
-    """Check as above; `digests` are asked for where there is something to compare them with."""
+    """Check as above; `digests` is called only if there are some to compare with."""
     if getattr(options, "overwrite", False):
         return
     if (out / SETTINGS).exists():
         _refuse_other(out, _plain(verb, options), digests())
-    elif (there := _present(out, results)) and not _began(out, verb):
+    elif (present := _present(out, results)) and not _belongs_to(out, verb):
         raise ConfigurationError(
-            f"{out} has {' and '.join(there[:SAID])}, and no {SETTINGS} that says what of; {HOW.format('--out')}"
+            f"{out} has {' and '.join(present[:SAID])}, and no {SETTINGS} in it; {HOW.format('--out')}"
         )
 
 
@@ -102,30 +102,30 @@ def _present(out: Path, results: Collection[str]) -> list[str]:
     return [name for name in results if (out / name).exists()]
 
 
-def _began(out: Path, verb: str) -> bool:
-    """Say whether a folder without settings is of this verb: of a run that was killed, or of before there were any."""
-    for name, said, own in ((UNFINISHED, "verb", verb), ("summary.json", "command", f"stiction {verb}")):
+def _belongs_to(out: Path, verb: str) -> bool:
+    """Return whether a folder without settings belongs to this verb: from a killed run, or an older version."""
+    for name, key, expected in ((UNFINISHED, "verb", verb), ("summary.json", "command", f"stiction {verb}")):
         try:
-            found = read_object(out / name, "what `stiction` writes there").get(said)
+            recorded = read_object(out / name, "what `stiction` writes there").get(key)
         except StictionError:
             continue
-        if isinstance(found, str) and f"{found} ".startswith(f"{own} "):
+        if isinstance(recorded, str) and f"{recorded} ".startswith(f"{expected} "):
             return True
     return False
 
 
 def check_file(path: Path, options: Any, option: str = "--out", text: str | None = None) -> None:
-    """Raise `ConfigurationError` where a file is there that would be lost, and `options.overwrite` does not say so.
+    """Raise `ConfigurationError` where a file would be lost, unless `options.overwrite`.
 
-    option: the one that names the file; text: what will be written, where that is known. An empty file, one with the
-    same text, and what is no file, such as /dev/stdout, may be written to.
+    option: the option that names the file; text: its new content, if known. An empty file, one with the same text, and
+    a device, such as /dev/stdout, may be overwritten.
     """
     if not options.overwrite and _is_other(path, text):
         raise ConfigurationError(f"{path} exists already; {HOW.format(option)}")
 
 
 def _is_other(path: Path, text: str | None) -> bool:
-    """Say whether there is a file that is not empty and has not the text, byte by byte."""
+    """Return whether a file exists that is not empty and differs from the text."""
     try:
         if not path.is_file() or not (size := path.stat().st_size):
             return False
@@ -149,13 +149,13 @@ def _refuse_other(out: Path, used: dict[str, Any], digests: dict[str, dict[str, 
     """Raise `ConfigurationError` where a folder has results of another verb, or of other settings or inputs."""
     from stiction.files.inputs import changes
 
-    there = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
-    verb, before = there.get("verb"), there.get("settings")
+    recorded = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
+    verb, before = recorded.get("verb"), recorded.get("settings")
     how = HOW.format("--out")
     if verb != used["verb"] or not isinstance(before, dict):
         raise ConfigurationError(f"{out} has results of `stiction {verb}`; {how}")
     # Where the content is known, it counts, and not where it lies.
-    changed = changes(there.get("inputs"), digests)
+    changed = changes(recorded.get("inputs"), digests)
     now = {name: value for name, value in used["settings"].items() if name not in changed}
     differing = sorted([*_differing(before, now), *(f"{name} {words}" for name, words in changed.items() if words)])
     if differing:
@@ -166,19 +166,19 @@ def _refuse_other(out: Path, used: dict[str, Any], digests: dict[str, dict[str, 
 
 
 def _differing(before: dict[str, Any], now: dict[str, Any], prefix: str = "") -> list[str]:
-    """Return what differs of the settings that both have, in words; another version may have more or fewer."""
-    found: list[str] = []
+    """Return the differences of the settings in both, in words; another version may have more or fewer."""
+    differences: list[str] = []
     for name in before.keys() & now.keys():
         old, new = before[name], now[name]
         if isinstance(old, dict) and isinstance(new, dict):
-            found += _differing(old, new, f"{prefix}{name}.")
+            differences += _differing(old, new, f"{prefix}{name}.")
         elif _values(old) != _values(new):
-            found.append(f"{prefix}{name}".replace("_", "-") + f" {_words(old)}, now {_words(new)}")
-    return sorted(found)
+            differences.append(f"{prefix}{name}".replace("_", "-") + f" {_words(old)}, now {_words(new)}")
+    return sorted(differences)
 
 
 def _values(value: Any) -> list[Any]:
-    """Return the values that a person typed: an option that takes several may have taken one in another version."""
+    """Return the typed values: an option with several values may have had one in another version."""
     if value is None:
         return []
     return value if isinstance(value, list) else [value]

@@ -1,7 +1,7 @@
-"""Ed25519 signatures of bundles: who made one. Keys are PEM files as OpenSSL writes them.
+"""Ed25519 signatures of bundles, which prove their maker. Keys are PEM files as OpenSSL writes them.
 
-What is signed is SHA256SUMS, byte for byte, which lists every other file; the signature is the 64 bytes themselves. So
-OpenSSL checks it too: `openssl pkeyutl -verify -pubin -inkey maker.pub -rawin -in SHA256SUMS -sigfile SHA256SUMS.sig`.
+The signed message is SHA256SUMS, byte for byte, which lists every other file; the signature is 64 bytes. OpenSSL checks
+it too: `openssl pkeyutl -verify -pubin -inkey maker.pub -rawin -in SHA256SUMS -sigfile SHA256SUMS.sig`.
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ SMALL_ORDER = frozenset((0, 1, PRIME - 1, EIGHTH, PRIME - EIGHTH))
 make a signature that they accept."""
 
 MOST_BYTES = 2**14
-"""Size of the largest key file that is read."""
+"""Maximum size of a key file [B]."""
 
 
 def make_key(path: Path) -> Path:
-    """Write a new private key to `path`, for its owner's eyes, and its public key beside it; return that one's path.
+    """Write a new private key to `path`, readable by its owner only, and its public key next to it; return the latter's
+    path.
 
     Raises `FileError` where one of the two exists, or cannot be written.
     """
@@ -47,7 +48,7 @@ def make_key(path: Path) -> Path:
     private_text = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     public_text = key.public_key().public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo)
     if public == path or public.exists():
-        raise FileError(f"{public} exists already, or is the private key's own name; choose another, such as maker.pem")
+        raise FileError(f"{public} exists already, or is the private key; choose another name, such as maker.pem")
     for file, text, mode in ((path, private_text, 0o600), (public, public_text, 0o644)):
         try:
             # The mode from the beginning, so that at no moment others can read the key; and nothing that is there is
@@ -68,17 +69,16 @@ def make_key(path: Path) -> Path:
 def sign(message: bytes, path: Path, passphrase: Callable[[], str]) -> tuple[bytes, str]:
     """Return the signature of a message, 64 bytes, by the private key in a PEM file, and that key's fingerprint.
 
-    passphrase: called where the key is encrypted. Raises `FileError` where the file holds no such key.
+    passphrase: called for an encrypted key. Raises `FileError` for a file without such a key.
     """
     key = _private_key(path, passphrase)
     return key.sign(message), fingerprint(key.public_key())
 
 
 def check_signature(message: bytes, signature: bytes | None, path: Path) -> str:
-    """Return the fingerprint of the public key in a PEM file, which made the signature of a message.
+    """Return the fingerprint of the public key in a PEM file, whose signature of a message is valid.
 
-    Raises `FileError`: the file holds no such key, or there is no signature, or another key made it, or of another
-    message.
+    Raises `FileError`: a file without such a key, or a missing signature, or one by another key, or of another message.
     """
     from cryptography.exceptions import InvalidSignature
 
@@ -97,7 +97,7 @@ def check_signature(message: bytes, signature: bytes | None, path: Path) -> str:
 
 
 def fingerprint(key: Ed25519PublicKey) -> str:
-    """Return the first half of the SHA-256 of a public key, in hexadecimal: what people compare."""
+    """Return the fingerprint of a public key: the first half of its SHA-256, in hexadecimal."""
     from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
     return hashlib.sha256(key.public_bytes(Encoding.Raw, PublicFormat.Raw)).hexdigest()[:32]
@@ -139,16 +139,16 @@ def _public_key(path: Path) -> Ed25519PublicKey:
 
 
 def _ed25519(path: Path, load: Callable[[], object], kind: type[Key], which: str) -> Key:
-    """Return a loaded key of a kind; raise `FileError` where it is none."""
+    """Return a loaded key of a kind; raise `FileError` for another one."""
     try:
         key = load()
     except Exception as error:  # ValueError, TypeError, UnsupportedAlgorithm, by what is wrong
-        said = " ".join(str(error).split()).partition(". ")[0][:120] or type(error).__name__
-        raise FileError(f"{path}: {said}; expected a {which} Ed25519 key, PEM: {NEW_KEY}") from error
+        cause = " ".join(str(error).split()).partition(". ")[0][:120] or type(error).__name__
+        raise FileError(f"{path}: {cause}; expected a {which} Ed25519 key, PEM: {NEW_KEY}") from error
     if not isinstance(key, kind):
         raise FileError(f"{path} holds another kind of key; expected a {which} Ed25519 key, PEM: {NEW_KEY}")
     return key
 
 
 NEW_KEY = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
-"""How keys are made, for messages."""
+"""Command that makes a key, for messages."""

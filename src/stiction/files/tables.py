@@ -1,4 +1,4 @@
-"""Arrays of numbers with names, as NPZ or Parquet: read whole or not at all, and nothing that executes code.
+"""Named arrays of numbers, as NPZ or Parquet: read whole or not at all, without executing code.
 
 A matrix, shape (num_samples, num_joints), becomes the columns `name_0`, `name_1`, ... Text is read in `text`.
 """
@@ -32,32 +32,32 @@ Columns = dict[str, np.ndarray]
 """Column name -> values, shape (num_samples,)."""
 
 WIDEST_MATRIX = 256
-"""More columns than this are no joints."""
+"""Maximum number of columns of a matrix of joints."""
 
 MOST_MEMBERS = 10_000
-"""More arrays than this are no log: each takes time, though it be empty."""
+"""Maximum number of arrays: each takes time, even if empty."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A file as columns, with what must be known before one of them is believed."""
+    """File as columns, with notes and faults."""
 
     columns: Columns
-    """Name -> numbers; one with a fault is there too, as NaN."""
+    """Name -> numbers; a faulty column is NaN."""
     notes: tuple[str, ...] = ()
-    """What a reader of the results should know about how the file was read; each one sentence."""
+    """Notes for readers of the results on how the file was read; one sentence each."""
     faults: Mapping[str, str] = field(default_factory=dict)
-    """Column -> why it cannot be a signal, a sentence for whoever asks for it."""
+    """Column -> reason why it is not a signal, for users who request it."""
     blanks: Mapping[str, int] = field(default_factory=dict)
-    """Column -> how many of its cells are empty; they are NaN."""
+    """Column -> number of its empty cells, which are NaN."""
     starts: Mapping[str, float] = field(default_factory=dict)
-    """Column of time stamps -> the first one, from which it counts [s]."""
+    """Column of time stamps -> the first one, subtracted from it [s]."""
     period: float | None = None
-    """Time between two messages of the IMU, where those came apart from the rows and were interpolated [s]."""
+    """Time between two messages of the IMU, if they came separately from the rows and were interpolated [s]."""
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file of a bounded size; raise `LogError` where that cannot be done."""
+    """Read a file of a bounded size; raise `LogError` where it cannot be read."""
     try:
         with open_regular(path) as file:
             claim(path.name, os.fstat(file.fileno()).st_size, "the file has", LogError)
@@ -67,10 +67,10 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_npz(path: Path) -> Table:
-    """Read an NPZ table: arrays of samples, or of samples by joints, transposed where they lie that way.
+    """Read an NPZ table: arrays of samples, or of samples by joints, transposed if necessary.
 
-    The samples are as many as the array `time` has, or as most arrays have; arrays of other lengths have a fault, so do
-    those of more dimensions; single numbers and text are left out. Raises `LogError`.
+    The number of samples is that of the array `time`, or of most arrays; arrays of other lengths or of more dimensions
+    are faults; single numbers and text are left out. Raises `LogError`.
     """
     arrays = read_npz_arrays(path)
     signals = {name: array for name, array in arrays.items() if array.dtype.kind in "fiub" and array.size > 1}
@@ -79,7 +79,7 @@ def read_npz(path: Path) -> Table:
 
 
 def table_of(source: str, arrays: Mapping[str, np.ndarray]) -> Table:
-    """Return arrays of one number of samples as columns; the others have a fault. Raises `LogError` without samples."""
+    """Return arrays of one number of samples as columns; others are faults. Raises `LogError` without samples."""
     samples = _count_samples(arrays)
     columns: Columns = {}
     faults: dict[str, str] = {}
@@ -121,15 +121,15 @@ def split_matrix(name: str, array: np.ndarray) -> Columns:
 def read_npz_arrays(path: Path) -> Columns:
     """Read the arrays of an NPZ file, numbers or text of any shape; pickled objects are refused.
 
-    Every member is inflated whole, so that its checksum is compared, and only after the sizes that it declares.
+    Every member is inflated whole, so that its checksum is compared, after a check of its declared size.
     """
     return parse_npz(path.name, read_bytes(path))
 
 
 def parse_npz(source: str, content: bytes, most: int | None = None) -> Columns:
-    """Return the arrays of an NPZ file of that content, as `read_npz_arrays` does.
+    """Return the arrays of an NPZ file from its content, as `read_npz_arrays` does.
 
-    source: the file's name, for messages; most: bytes that it may inflate to.
+    source: name of the file, for messages; most: maximum inflated size [B].
     """
     # Not by np.load: it takes what is no archive for a pickle, and its error says how to load that unsafely.
     if not zipfile.is_zipfile(io.BytesIO(content)):
@@ -146,9 +146,9 @@ def parse_npz(source: str, content: bytes, most: int | None = None) -> Columns:
 
 
 def read_archive(source: str, content: bytes, most: int | None = None) -> dict[str, bytes]:
-    """Return the members of a ZIP archive, name -> bytes; refuse one that would inflate to more than `most` bytes.
+    """Return the members of a ZIP archive, name -> bytes; reject one that would inflate to more than `most` bytes.
 
-    source: the file's name, for messages.
+    source: name of the file, for messages.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -160,7 +160,7 @@ def read_archive(source: str, content: bytes, most: int | None = None) -> dict[s
                 raise LogError(f"{source}: would inflate to {total} bytes; at most {most} are read")
             names = [entry.filename for entry in entries]
             if len(set(names)) != len(names):
-                raise LogError(f"{source}: the archive has a member twice; write it again")
+                raise LogError(f"{source}: the archive has a repeated member; write it again")
             # The reading of an entry ends at the size that it declares, and these were added up above.
             members = {entry.filename: archive.read(entry) for entry in entries}
     except BROKEN_ARCHIVE as error:
@@ -177,7 +177,7 @@ def _parse_array(data: bytes) -> np.ndarray:
     version = np.lib.format.read_magic(file)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
-        raise ValueError(f"array format version {version} is not known")
+        raise ValueError(f"array format version {version} is unknown")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a header by Python 2, say, is read all the same
         shape, fortran_order, dtype = readers[version](file)
@@ -197,36 +197,36 @@ BROKEN_ARCHIVE = (
     *(OSError, ValueError, EOFError, KeyError, IndexError, zipfile.BadZipFile, zlib.error, NotImplementedError),
     *(RuntimeError, AttributeError, MemoryError, OverflowError, zipfile.LargeZipFile),
 )
-"""What the zip reader and the inflater let through for damaged files."""
+"""Exceptions of the zip reader and the inflater for damaged files."""
 
 BROKEN_ARRAY = (
     *(ValueError, SyntaxError, TypeError, KeyError, MemoryError, OverflowError, RecursionError),
     *(tokenize.TokenError, IndexError, AttributeError),
 )
-"""What NumPy's reader of array headers lets through."""
+"""Exceptions of NumPy's reader of array headers."""
 
 
 def read_header(arrays: Columns, schema: str, version: int, where: str) -> dict[str, Any]:
-    """Take the text `header` out of an NPZ file's arrays; return its JSON object without `schema` and version.
+    """Remove the text `header` from an NPZ file's arrays; return its JSON object without `schema` and version.
 
-    Raises `LogError` where it is no such text, or of another schema or version; `where` is named in messages.
+    Raises `LogError` for a missing header, or another schema or version; messages name `where`.
     """
     text = arrays.pop("header", None)
     if text is None or text.dtype.kind != "U" or text.ndim != 0:
         raise LogError(f"{where}: no header; expected a file of the schema {schema!r}")
     data = parse_object(str(text), f"{where}: header", f"one of the schema {schema!r}", LogError)
     if data.pop("schema", None) != schema:
-        raise LogError(f"{where}: the header does not say {schema!r}; expected a file of that schema")
+        raise LogError(f"{where}: the header's schema is not {schema!r}; expected a file of that schema")
     return take_version(data, version, where, LogError)
 
 
 def write_header(schema: str, version: int, header: dict[str, Any]) -> np.ndarray:
-    """Return what `read_header` reads, a text as an array of no dimension."""
+    """Return the header of `read_header`, a text as an array of no dimension."""
     return np.array(json.dumps({"schema": schema, "schema_version": version} | header, allow_nan=False))
 
 
 def publish_npz(path: Path, arrays: Columns, compressed: bool = False) -> None:
-    """Write arrays, whole or not at all; raise `UnwrittenError` where that cannot be done."""
+    """Write arrays atomically; raise `UnwrittenError` on failure."""
     save = np.savez_compressed if compressed else np.savez
     with published(path) as file:
         save(file, allow_pickle=False, **arrays)
@@ -242,7 +242,7 @@ def write_arrays(path: Path, record: Any) -> None:
 
 
 def read_arrays(path: Path, kind: type[Record], remedy: str) -> Record:
-    """Return the dataclass that `write_arrays` wrote; raise `FileError`, with a `remedy`, where an array is odd."""
+    """Return the dataclass that `write_arrays` wrote; raise `FileError`, with a `remedy`, for an invalid array."""
     arrays = read_npz_arrays(path)
     if odd := sorted(arrays.keys() ^ {item.name for item in fields(kind)}):  # type: ignore[arg-type]
         raise FileError(f"{path.name}: the array {odd[0]!r} is missing or unknown; {remedy}")
@@ -273,8 +273,8 @@ def _load(path: Path) -> tuple[ModuleType, ModuleType]:
 def read_parquet(path: Path) -> Table:
     """Read the columns of numbers, of lists of numbers, and of time stamps (then in seconds from the first).
 
-    A null becomes NaN. A list column becomes `name_0`, `name_1`, ...; where its lists are not all as long, and where it
-    holds anything else, it has a fault. Raises `LogError`.
+    A null becomes NaN. A list column becomes `name_0`, `name_1`, ...; lists of different lengths, and other contents,
+    are faults. Raises `LogError`.
     """
     arrow, parquet = _load(path)
     content = read_bytes(path)
@@ -282,7 +282,7 @@ def read_parquet(path: Path) -> Table:
         file = parquet.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
         samples, schema = file.metadata.num_rows, file.schema_arrow
         if len(set(schema.names)) != len(schema.names):
-            raise LogError(f"{path.name}: a column's name comes twice; expected different names")
+            raise LogError(f"{path.name}: a column name is repeated; expected different names")
         kinds = {item.name: item.type for item in schema if _is_number(arrow, _element(arrow, item.type))}
         claim(path.name, _parquet_size(file, kinds, samples), f"{samples} rows would take", LogError)
         columns: Columns = {}
@@ -307,11 +307,11 @@ def read_parquet(path: Path) -> Table:
 
 
 BROKEN_PARQUET = (OSError, ValueError, KeyError, IndexError, TypeError, OverflowError, AttributeError)
-"""What pyarrow lets through for damaged files besides its own exceptions."""
+"""Exceptions of pyarrow for damaged files, other than its own."""
 
 
 def _parquet_size(file: Any, kinds: Mapping[str, object], samples: int) -> int:
-    """Return the larger of what the wanted columns say they inflate to and what they take as doubles [B]."""
+    """Return the larger of the declared inflated size of the wanted columns and their size as doubles [B]."""
     numbers = declared = 0
     for group in range(file.metadata.num_row_groups):
         row_group = file.metadata.row_group(group)
@@ -324,7 +324,7 @@ def _parquet_size(file: Any, kinds: Mapping[str, object], samples: int) -> int:
 
 
 def _element(arrow: ModuleType, kind: Any) -> Any:
-    """Return the type of a list's elements, or the type itself where it is no list."""
+    """Return the type of a list's elements, or the type itself for others."""
     types = arrow.types
     lists = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
     return kind.value_type if lists else kind
@@ -348,7 +348,7 @@ def _to_array(arrow: ModuleType, column: Any, kind: Any) -> tuple[np.ndarray, fl
 
 
 def _to_matrix(column: Any, samples: int) -> np.ndarray | None:
-    """Return a column of lists as a matrix, shape (num_samples, length); None where they are not all of one length."""
+    """Return a column of lists as a matrix, shape (num_samples, length); None for different lengths."""
     parts = []
     for chunk in column.chunks:
         values = np.asarray(chunk.flatten().to_numpy(zero_copy_only=False), dtype=float)

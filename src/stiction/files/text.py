@@ -1,6 +1,6 @@
-"""Tables of text, CSV and its relatives: streamed block by block, so that a file costs what its numbers cost.
+"""Tables of text, CSV and its relatives: streamed block by block, so that memory grows only with the numbers.
 
-Columns of anything but numbers and times are no harm until somebody asks for them.
+Columns of anything but numbers and times are faults only if they are requested.
 """
 
 from __future__ import annotations
@@ -26,39 +26,39 @@ from stiction.core.memory import check_ratio, claim
 from stiction.files.tables import Table
 
 BLOCK = 2**19
-"""Bytes that are parsed at a time."""
+"""Size of a parsed block [B]."""
 
 LONGEST_LINE = 2**17
-"""Characters of a line; 256 columns of 25 digits take 7,000."""
+"""Maximum length of a line; 256 columns of 25 digits take 7,000."""
 
 MOST_COLUMNS = 4096
-"""More than any robot logs."""
+"""Maximum number of columns."""
 
 MARKS = ",;\t|"
-"""What separates cells, apart from blanks."""
+"""Separators of cells, apart from blanks."""
 
 HEAD = 40
-"""Lines from which it is found how a file is written."""
+"""Number of lines from which the format is detected."""
 
 CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
-"""What no text has."""
+"""Characters that no text has."""
 
 HTML = re.compile(r"\s*<(!doctype\s+html|html)\b", re.IGNORECASE)
-"""How a page begins that came in a log's place."""
+"""Begin of a web page saved in place of a log."""
 
 MICROSECOND = timedelta(microseconds=1)
 
 COMMENTS = ("#", "%")
-"""What a line begins with that holds no sample."""
+"""Begin of a line without a sample."""
 
 SEPARATORS = (",", ";", "\t", "|", "")
-"""What may stand between two cells, the first that fits counts; the empty one is any run of blanks."""
+"""Possible separators of cells, the first that fits counts; the empty one is any run of blanks."""
 
 EMPTY = frozenset({"", "null", "none", "na", "n/a"})
-"""Cells in which nothing was measured, in lower case."""
+"""Cells without a measurement, in lower case."""
 
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-"""1,5 where others write 1.5."""
+"""Number with a decimal comma, 1,5."""
 
 WORDS = re.compile(r'"([^"]*)"|(\S+)')
 """Words between blanks, in quotes or not."""
@@ -66,29 +66,29 @@ WORDS = re.compile(r'"([^"]*)"|(\S+)')
 TITLE = re.compile(
     r"(t|time\w*|stamp|pos\w*|q\w?|angle|theta|vel\w*|dq|torque|tau|effort|current|target)([\W_\d]|$)", re.IGNORECASE
 )
-"""How a title begins that names a signal."""
+"""Begin of a title that names a signal."""
 
 INDEX = 3
-"""Rows whose first cell must count on by one before it is taken for an index without a name."""
+"""Rows whose first cell must count up by one for it to be an index without a name."""
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the lines of one file are to be read."""
+    """Format of the lines of one file."""
 
     separator: str
     """One of `SEPARATORS`."""
     decimal_comma: bool
-    """Whether numbers have a comma for a point."""
+    """True if numbers have a decimal comma."""
     names: tuple[str, ...]
-    """Names of the columns; their numbers, from 0, where nobody named them."""
+    """Names of the columns; without a header their numbers, from 0."""
     first: int
     """Index of the first line that holds a sample."""
     notes: tuple[str, ...] = ()
-    """What was taken for what, where it is not plain; each one sentence."""
+    """Notes on assumptions; one sentence each."""
 
     def cells(self, lines: list[str]) -> list[list[str]]:
-        """Return the cells of lines; raise `csv.Error` for quotes that do not end."""
+        """Return the cells of lines; raise `csv.Error` for open quotes."""
         return split_lines(lines, self.separator)
 
 
@@ -106,7 +106,7 @@ def split_lines(lines: list[str], separator: str) -> list[list[str]]:
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line holds a remark and no sample."""
+    """Return whether a line is a comment, without a sample."""
     return line.lstrip().startswith(COMMENTS)
 
 
@@ -122,7 +122,7 @@ def is_numeric(cell: str, decimal_comma: bool = False) -> bool:
 
 
 def parse_stamp(cell: str) -> datetime | None:
-    """Return the time of an ISO 8601 date and time, or of a time of day, to the microsecond; None for anything else."""
+    """Return the time of an ISO 8601 date and time, or of a time of day, to the microsecond; else None."""
     if len(cell) < 8 or not cell[0].isdigit():
         return None
     for parse in (
@@ -137,9 +137,9 @@ def parse_stamp(cell: str) -> datetime | None:
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:
-    """Return how a file is written that begins with these lines; None where they hold nothing.
+    """Return the format of a file from its first lines; None for empty ones.
 
-    Raises `ValueError` where a header has names of signals, and another number of them than there are columns.
+    Raises `ValueError` for a header with names of signals whose number differs from that of the columns.
     """
     numbers = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
     if not numbers:
@@ -165,7 +165,7 @@ def find_dialect(lines: list[str]) -> Dialect | None:
                     "or take it out and map the columns by number"
                 )
             names = [str(index) for index in range(width)]
-            notes.append(f"nobody named the {width} columns: they are called 0 to {width - 1}")
+            notes.append(f"the {width} columns have no names; using 0 to {width - 1}")
     else:
         names, begin = _padded(rows, width), numbers[1] if len(numbers) > 1 else len(lines)
         if len(rows) > 2 and _is_units(rows[1], rows[2], comma):
@@ -183,7 +183,7 @@ def without_empty_end(row: list[str], width: int) -> list[str]:
 
 
 def _fitness(lines: list[str], separator: str) -> float:
-    """Return how well a separator fits: the share of rows of one width, times the share of cells that are something."""
+    """Return the fit of a separator: the share of rows of one width, times the share of non-empty cells."""
     try:
         rows = split_lines(lines, separator)
     except csv.Error:
@@ -199,12 +199,12 @@ def _fitness(lines: list[str], separator: str) -> float:
 
 
 def _usual_width(rows: list[list[str]]) -> int:
-    """Return how many cells most rows have; the header alone is not asked where there are rows."""
+    """Return the most frequent number of cells in a row, without the header if rows follow."""
     return Counter(len(row) for row in rows[1:] or rows).most_common(1)[0][0]
 
 
 def _start(rows: list[list[str]], width: int, comma: bool) -> int:
-    """Return the row at which the table begins, below titles: the first of its width, or one short above samples."""
+    """Return the first row of the table, below titles: the first of its width, or one short above samples."""
     for index, row in enumerate(rows):
         after = rows[index + 1] if index + 1 < len(rows) else []
         if len(row) == width:
@@ -215,7 +215,7 @@ def _start(rows: list[list[str]], width: int, comma: bool) -> int:
 
 
 def _is_sample(rows: list[list[str]], comma: bool) -> bool:
-    """Return whether the first row is one of numbers, like the second, and names nothing."""
+    """Return whether the first row is one of numbers, like the second, without names."""
     kinds = [[bool(is_numeric(cell, comma) or parse_stamp(cell)) for cell in row] for row in rows[:2]]
     if not any(kinds[0]) or len({len(row) for row in rows[:2]}) > 1:
         return False
@@ -224,7 +224,7 @@ def _is_sample(rows: list[list[str]], comma: bool) -> bool:
 
 
 def _padded(rows: list[list[str]], width: int) -> list[str]:
-    """Return the header's names, with those of columns that have none: an index in front, or an empty end."""
+    """Return the header's names, completed for columns without one: an index in front, or an empty end."""
     names, body = rows[0], [row for row in rows[1:] if len(row) == width]
     if len(names) == width - 1 and len(body) >= INDEX:
         if all(row[-1] == "" for row in body):
@@ -242,7 +242,7 @@ def _is_units(row: list[str], after: list[str], comma: bool) -> bool:
 
 
 def _names_of_comments(lines: list[str], width: int) -> list[str]:
-    """Return the names in the last remark that has as many as there are columns; none where none has."""
+    """Return the names in the last comment with as many names as columns, or an empty list."""
     for line in reversed([line for line in lines if is_comment(line)]):
         text = line.strip().lstrip("".join(COMMENTS)).strip()
         for separator in SEPARATORS:
@@ -255,9 +255,8 @@ def _names_of_comments(lines: list[str], width: int) -> list[str]:
 def read_csv(path: Path) -> Table:
     """Read a table of text: numbers between commas, semicolons, tabs, bars or blanks, with or without a header.
 
-    A name that ends in .gz is unpacked. A last line without an end may have been cut in the middle of a number, and
-    nothing in it would show it. It is left out, and the notes say so. Rows of other widths are refused. Raises
-    `LogError`.
+    A name with the suffix .gz is unpacked. A last line without an end may be cut in the middle of a number, which
+    cannot be detected; it is left out, with a note. Rows of other widths are refused. Raises `LogError`.
     """
     blocks = _blocks(path)
     head: list[str] = []
@@ -286,7 +285,7 @@ def read_csv(path: Path) -> Table:
 
 
 def _blocks(path: Path) -> Iterator[tuple[list[str], str]]:
-    """Yield whole lines without their ends, and with the last of them what has no end."""
+    """Yield complete lines without their ends, and with the last of them the incomplete rest."""
     try:
         packed = path.stat().st_size
         if not path.name.lower().endswith(".gz"):
@@ -336,16 +335,16 @@ def _decoded(source: str, file: Any, packed: int) -> Iterator[tuple[list[str], s
 
 @dataclass
 class _Column:
-    """What was found in one column so far."""
+    """State of one column."""
 
     name: str
     parts: list[np.ndarray] = field(default_factory=list)
     fault: str = ""
     first: datetime | None = None
-    """The first time stamp, of a column of such."""
+    """First time stamp, for a column of these."""
 
     def take(self, cells: list[str], lines: list[int]) -> None:
-        """Add cells; the first cell that is no number is remembered as a fault with its line."""
+        """Add cells; the first cell that is not a number is recorded as a fault with its line."""
         # All at once where they are numbers, as most are; else cell by cell.
         if self.first is None:
             try:
@@ -368,7 +367,7 @@ class _Column:
         self.parts.append(values)
 
     def _since(self, cell: str) -> float:
-        """Return the seconds from the first stamp; raise `ValueError` for what is none, or of another kind."""
+        """Return the seconds from the first stamp; raise `ValueError` for another kind of cell."""
         stamp, first = parse_stamp(cell), self.first
         if stamp is None or first is None or (stamp.tzinfo is None) != (first.tzinfo is None):
             raise ValueError(cell)
@@ -377,13 +376,8 @@ class _Column:
         return ((stamp - first) // MICROSECOND) * 1e-6
 
 
-def _since_1970(stamp: datetime) -> float:
-    """Return the seconds since 1970; a stamp without a zone counts as universal time."""
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-
-
 def _floats(cells: list[str]) -> np.ndarray:
-    """Return cells as numbers; raise `ValueError` where one is none, Python's own 1_000 included."""
+    """Return cells as numbers; raise `ValueError` for others, Python's 1_000 included."""
     if any("_" in cell for cell in cells):
         raise ValueError("not a number")
     return np.array(cells, dtype=float)
@@ -391,7 +385,7 @@ def _floats(cells: list[str]) -> np.ndarray:
 
 @dataclass
 class _Collected:
-    """The rows read so far."""
+    """Rows read so far."""
 
     source: str
     dialect: Dialect
@@ -436,7 +430,7 @@ class _Collected:
                 column.take(list(cells), numbers)
 
     def _numbers(self, lines: list[str], wanted: list[int]) -> np.ndarray | None:
-        """Return the cells of lines that are numbers in all columns that could be; None where one is not."""
+        """Return the cells of lines that are numbers in all columns that could be; None if one is not."""
         mark, width = self.dialect.separator, len(self.columns)
         if len(wanted) + sum(bool(column.fault) for column in self.columns) != width:
             return None
@@ -451,7 +445,7 @@ class _Collected:
         return values if values.shape == (len(lines), len(wanted)) else None
 
     def table(self, last: str, number: int) -> Table:
-        """Return what was read; last: what has no end, line `number` of the file."""
+        """Return the table; last: the incomplete last line, line `number` of the file."""
         notes = list(self.dialect.notes)
         if last.strip() and not is_comment(last):
             # With a quote in it, which may be cut off, the line cannot be split.
@@ -466,18 +460,20 @@ class _Collected:
             raise LogError(f"{self.source}: no samples after the header")
         if self.remarks:
             notes.append(f"{self.remarks} lines among the samples are remarks and were left out")
-        found: dict[str, np.ndarray] = {}
+        columns: dict[str, np.ndarray] = {}
         faults: dict[str, str] = {}
         for column in self.columns:
-            if column.name in found:
+            if column.name in columns:
                 faults[column.name] = f"the header names {column.name!r} twice; expected one different name a column"
             elif column.fault:
                 faults[column.name] = column.fault
-            found[column.name] = np.broadcast_to(np.nan, self.rows) if column.fault else np.concatenate(column.parts)
+            columns[column.name] = np.broadcast_to(np.nan, self.rows) if column.fault else np.concatenate(column.parts)
             column.parts.clear()
         # A cell that says nan is empty, too.
-        blanks = {name: int(np.isnan(values).sum()) for name, values in found.items() if name not in faults}
+        blanks = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name not in faults}
         blanks = {name: count for name, count in blanks.items() if count}
-        said = {name: f"{self.source}: {fault}" for name, fault in faults.items()}
-        starts = {column.name: _since_1970(column.first) for column in self.columns if column.first is not None}
-        return Table(found, tuple(notes), said, blanks, starts=starts)
+        messages = {name: f"{self.source}: {fault}" for name, fault in faults.items()}
+        # A stamp without a zone counts as universal time; seconds since 1970.
+        first = {column.name: column.first for column in self.columns if column.first is not None}
+        starts = {name: (t if t.tzinfo else t.replace(tzinfo=UTC)).timestamp() for name, t in first.items()}
+        return Table(columns, tuple(notes), messages, blanks, starts=starts)

@@ -1,10 +1,10 @@
-"""Unitree's low-level messages, field by field: `unitree_go` is that of Go2 and B2, `unitree_hg` that of G1 and H1-2.
+"""Unitree's low-level messages, field by field: `unitree_go` for Go2 and B2, `unitree_hg` for G1 and H1-2.
 
-Names and order are the maker's. A message has two forms. In memory it is a C structure: a number stands at a multiple
-of its own size, a structure at a multiple of its widest number's; over that form goes the checksum. On the wire (plain
-CDR) only numbers are aligned, from the message's start, so the two differ wherever a structure begins with a byte.
+Names and order are the maker's. A message has two forms. In memory it is a C structure: a number starts at a multiple
+of its size, a structure at a multiple of its widest number's; the checksum covers that form. On the wire (plain CDR)
+only numbers are aligned, from the message's start, so the two differ wherever a structure begins with a byte.
 
-A message is an array of one record: `message["motor_cmd"]["q"][3] = 0.1`. A field that is none raises `ValueError`.
+A message is an array of one record: `message["motor_cmd"]["q"][3] = 0.1`. An unknown field raises `ValueError`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from collections.abc import Iterator
 import numpy as np
 
 ENCAPSULATION = b"\0\1\0\0"
-"""What precedes a message on the wire: plain CDR, little endian."""
+"""Bytes before a message on the wire: plain CDR, little endian."""
 
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Byte -> the same with its bits in reverse."""
 
 
 def crc32_mpeg2(data: bytes) -> int:
-    """Return CRC-32/MPEG-2: polynomial 0x04C11DB7, from all ones on, highest bit first, nothing inverted at the end.
+    """Return CRC-32/MPEG-2: polynomial 0x04C11DB7, from all ones, highest bit first, nothing inverted at the end.
 
     The usual CRC-32 is the same polynomial with bits in reverse and the end inverted, and the standard library has it.
     """
@@ -32,15 +32,15 @@ def crc32_mpeg2(data: bytes) -> int:
 
 
 class Structure:
-    """One kind of message."""
+    """Structure of one kind of message."""
 
     def __init__(self, family: str, name: str, parts: dict[str, str], layout: np.dtype) -> None:
-        """Take a message of a family, `unitree_go` or `unitree_hg`.
+        """Initialise a message of a family, `unitree_go` or `unitree_hg`.
 
-        parts: field -> the maker's name of its type, of fields that are structures; layout: in memory.
+        parts: field -> the maker's name of its type, for fields that are structures; layout: in memory.
         """
         self.kind = f"{family}/msg/{name}"
-        """Its name in ROS 2: `unitree_go/msg/LowCmd`."""
+        """Name in ROS 2: `unitree_go/msg/LowCmd`."""
         self.family, self.name, self.parts, self.dtype = family, name, parts, layout
         ends, end = [], 0
         for place, size in _numbers(layout, 0):
@@ -50,7 +50,7 @@ class Structure:
         self.wire_bytes = end
         """Length on the wire, without the four bytes of encapsulation."""
         self._memory = np.full(self.wire_bytes, layout.itemsize)
-        """Byte on the wire -> byte in memory; what only fills a gap comes from a zero behind the message."""
+        """Byte on the wire -> byte in memory; padding comes from a zero after the message."""
         for place, end, size in ends:
             self._memory[end - size : end] = np.arange(place, place + size)
         # The way back; a gap in memory is filled from a zero behind the bytes of the wire.
@@ -62,9 +62,9 @@ class Structure:
         return np.zeros((), self.dtype)
 
     def checksum(self, message: np.ndarray) -> int:
-        """Return what belongs into a message's `crc`.
+        """Return the value of a message's `crc`.
 
-        CRC-32/MPEG-2 over its words in memory, highest byte first, but the last, which is the checksum itself.
+        CRC-32/MPEG-2 over its words in memory, highest byte first, except the last, which is the checksum itself.
         """
         return crc32_mpeg2(np.frombuffer(message.tobytes(), "<u4")[:-1].byteswap().tobytes())
 
@@ -74,10 +74,10 @@ class Structure:
         return ENCAPSULATION + image[self._memory].tobytes()
 
     def from_wire(self, data: bytes, whole_to: str | None = None) -> np.ndarray:
-        """Return the message that bytes with their encapsulation hold.
+        """Return the message in bytes with their encapsulation.
 
-        whole_to: the message may end behind this field; what is missing is zero. Without it, it must be whole.
-        Raises `ValueError` for what is not plain CDR, or shorter.
+        whole_to: the message may end after this field; missing fields are zero. Without it, it must be complete. Raises
+        `ValueError` for bytes that are not plain CDR, or too short.
         """
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
             raise ValueError("not plain CDR")
@@ -86,15 +86,15 @@ class Structure:
             raise ValueError(f"{len(data) - 4} bytes of a {self.kind}; expected {least}")
         # One zero more: the gaps of the form in memory are filled from it.
         body = np.zeros(self.wire_bytes + 1, np.uint8)
-        given = np.frombuffer(data, np.uint8, min(len(data) - 4, self.wire_bytes), 4)
-        body[: len(given)] = given
+        received = np.frombuffer(data, np.uint8, min(len(data) - 4, self.wire_bytes), 4)
+        body[: len(received)] = received
         native = (data[1] == 1) == (sys.byteorder == "little")
         return np.frombuffer(body[self._wire].tobytes(), self.dtype if native else self.dtype.newbyteorder()).reshape(
             ()
         )
 
     def wire_end(self, name: str) -> int:
-        """Return where a field ends on the wire, from the message's start [B]."""
+        """Return the end of a field on the wire, from the message's start [B]."""
         kind, place = self.dtype.fields[name][:2]  # type: ignore[index]
         last = max(start + size for start, size in _numbers(kind, place))
         return int(self._wire[last - 1]) + 1
@@ -177,8 +177,10 @@ HG_STATE = Structure(
     ),
 )
 
-STRUCTURES = {found.kind: found for found in (GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE)}
-"""Type of message -> what it holds."""
+STRUCTURES = {structure.kind: structure for structure in (GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE)}
+"""Type of message -> its structure."""
 
-MOTORS = {found.kind: "motor_cmd" if found.name == "LowCmd" else "motor_state" for found in STRUCTURES.values()}
-"""Type of message -> its field that holds the motors."""
+MOTORS = {
+    structure.kind: "motor_cmd" if structure.name == "LowCmd" else "motor_state" for structure in STRUCTURES.values()
+}
+"""Type of message -> its field of motors."""

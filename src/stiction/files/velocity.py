@@ -13,45 +13,45 @@ from stiction.core.errors import ConfigurationError
 
 
 class Axis(NamedTuple):
-    """One entry of a velocity command, in the base's frame."""
+    """Entry of a velocity command, in the base's frame."""
 
     letters: str
-    """As it is typed and stands in results: `vx=0.5`."""
+    """Name as typed and in results: `vx=0.5`."""
     name: str
     unit: str
 
 
 VELOCITY = (Axis("vx", "forward", "m/s"), Axis("vy", "sideways", "m/s"), Axis("wz", "turn", "rad/s"))
-"""In the order of every vector of a command."""
+"""Axes in the order of every vector of a command."""
 
 AXES = tuple(axis.letters for axis in VELOCITY)
-"""Axes as they are typed: forward and sideways velocity [m/s], turn rate [rad/s]."""
+"""Axes as typed: forward and sideways velocity [m/s], turn rate [rad/s]."""
 
 COMMANDS = tuple(axis.name for axis in VELOCITY)
 
 STAND = "stand"
 
 FASTEST = 20.0
-"""Largest speed that may be commanded [m/s, rad/s], beyond any legged robot's."""
+"""Maximum commanded speed [m/s, rad/s], beyond any legged robot's."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """A constant velocity command."""
+    """Constant velocity command."""
 
     label: str
-    """As it stands in results: `vx=0.5`."""
+    """Label in results: `vx=0.5`."""
     velocity: tuple[float, float, float]
     """Forward, sideways [m/s], turn [rad/s]."""
 
     @property
     def is_linear(self) -> bool:
-        """Whether a horizontal velocity is commanded."""
+        """True if a horizontal velocity is commanded."""
         return any(self.velocity[:2])
 
     @property
     def is_turn(self) -> bool:
-        """Whether a turn and nothing else is commanded."""
+        """True if only a turn is commanded."""
         return not self.is_linear and self.velocity[2] != 0.0
 
     @property
@@ -76,7 +76,7 @@ class Command:
 
 
 def parse_command(text: str) -> Command:
-    """Return the command that `text` names; raise `StictionError` for an axis or a number that is none."""
+    """Return the command of a text; raise `StictionError` for an invalid axis or number."""
     if text.strip() == STAND:
         return Command(STAND, (0.0, 0.0, 0.0))
     values: dict[str, float] = {}

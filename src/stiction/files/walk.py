@@ -1,8 +1,8 @@
-"""The log of a walking robot: what its joints, its IMU and its feet measured, and how. NPZ, never pickled.
+"""Log of a walking robot: measurements of its joints, its IMU and its feet, and their conditions. NPZ, never pickled.
 
-Every stage that has a robot walk writes this one form, in simulation and on hardware, and every stage that learns from
-a walk reads it. What a log does not say, such as the friction of a simulated robot's joints, is left out on purpose:
-identification must not know more than on a robot.
+Every stage that has a robot walk writes this form, in simulation and on hardware, and every stage that learns from a
+walk reads it. Quantities unknown on a robot, such as the friction of its joints, are left out on purpose in simulation
+too: identification must not use them.
 
 The archive holds one array per field of `WalkLog` that is not None, with the field's name, and `header`, a text: a JSON
 object with `schema`, `schema_version`, and every field of `WalkHeader`.
@@ -25,7 +25,7 @@ from stiction.joints.net import TORQUE_SOURCES, TorqueSource
 
 @dataclass(frozen=True)
 class Recording:
-    """What N robots did in T control steps."""
+    """Motion of N robots in T control steps."""
 
     period: float
     """Control period [s]."""
@@ -43,11 +43,11 @@ class Recording:
     upright: np.ndarray
     """False from the step of a fall on, bool, shape (T, N)."""
     friction: np.ndarray | None = None
-    """Dry friction that the joints could bring up, mean over joints [N m], shape (T, N); None where not recorded."""
+    """Dry friction available at the joints, mean over joints [N m], shape (T, N); None if not recorded."""
 
     @property
     def signals(self) -> dict[str, np.ndarray]:
-        """What was recorded, by name."""
+        """Recorded signals, by name."""
         return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
 
     def of(self, robots: slice, first_step: int = 0, end: int | None = None) -> Recording:
@@ -55,7 +55,7 @@ class Recording:
         return self._each(lambda values: values[first_step:end, robots])
 
     def extended(self, steps: int) -> Recording:
-        """Return the recording extended to a number of steps, as in a batch: a robot that fell stays where it fell."""
+        """Return the recording extended to a number of steps, as in a batch: a fallen robot stays where it is."""
         more = steps - len(self.upright)
         longer = self._each(lambda values: np.concatenate((values, np.repeat(values[-1:], more, axis=0))))
         longer.upright[len(self.upright) :] = False
@@ -72,12 +72,12 @@ SCHEMA_VERSION = 1
 LARGEST = 1e6
 
 LARGEST_JITTER = 0.5
-"""Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
+"""Maximum deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
 
 
 @dataclass(frozen=True)
 class WalkHeader:
-    """What the signals cannot say."""
+    """Description of a walking log."""
 
     robot: str
     joint_names: tuple[str, ...]
@@ -91,18 +91,18 @@ class WalkHeader:
     kd: tuple[float, ...]
     """Derivative gains of the joint controllers [N m s/rad]."""
     torque_limit: tuple[float, ...]
-    """Largest torques of the motors [N m]."""
+    """Torque limits of the motors [N m]."""
     torque_source: TorqueSource | None = None
-    """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it); None where
-    that was not declared."""
+    """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it); None if
+    not declared."""
     recorded_in: str = "robot"
     """`robot`, or the engine of the simulation: `mujoco`."""
     policy: str = ""
-    """Name of the policy that walked, empty if there was none."""
+    """Name of the walking policy, or empty."""
     command: str = ""
-    """Commanded velocity, where that did not change: `vx=0.5`."""
+    """Commanded velocity, if constant: `vx=0.5`."""
     noise: dict[str, float] = field(default_factory=dict)
-    """Name of a sensor's error -> its size, as far as known: in a simulated log what was added, on a robot the data
+    """Name of a sensor's error -> its size, as far as known: in a simulated log the added one, on a robot the data
     sheet's."""
 
     def __post_init__(self) -> None:
@@ -126,29 +126,29 @@ class WalkHeader:
 
 @dataclass(frozen=True)
 class WalkLog:
-    """One walk of one robot: T samples, J joints, L feet. What was not measured is None."""
+    """Walk of one robot: T samples, J joints, L feet. Signals not measured are None."""
 
     header: WalkHeader
     time: np.ndarray
-    """Since the start [s], one period apart, shape (T,)."""
+    """Time since the start [s], one period apart, shape (T,)."""
     joint_position: np.ndarray
     """Measured angles [rad], shape (T, J)."""
     joint_velocity: np.ndarray
     """Measured velocities [rad/s], shape (T, J)."""
     joint_target: np.ndarray
-    """Angles that the policy asked for [rad], shape (T, J)."""
+    """Joint targets of the policy [rad], shape (T, J)."""
     angular_velocity: np.ndarray
     """Gyroscope: angular velocity of the base in the base frame [rad/s], shape (T, 3)."""
     quaternion: np.ndarray
-    """Orientation of the base as the IMU estimates it, w x y z, shape (T, 4)."""
+    """Orientation of the base estimated by the IMU, w x y z, shape (T, 4)."""
     joint_torque: np.ndarray | None = None
-    """Torque of the motors at the joint, mean over the period that follows [N m], shape (T, J)."""
+    """Torque of the motors at the joint, mean over the following period [N m], shape (T, J)."""
     specific_force: np.ndarray | None = None
     """Accelerometer at the base's origin: acceleration minus gravity, base frame [m/s²], shape (T, 3)."""
     linear_velocity: np.ndarray | None = None
-    """Velocity of the base in the base frame, where something measures it [m/s], shape (T, 3)."""
+    """Velocity of the base in the base frame, if measured [m/s], shape (T, 3)."""
     foot_contact: np.ndarray | None = None
-    """Whether each foot bears load, bool, shape (T, L)."""
+    """True for each foot that bears load, bool, shape (T, L)."""
     velocity_command: np.ndarray | None = None
     """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (T, 3)."""
 
@@ -165,8 +165,8 @@ class WalkLog:
             shape = (samples,) if name == "time" else (samples, widths.get(name, 3))
             kind = "b" if name == "foot_contact" else "f"
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype.kind == kind
-            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            _expect(right, name, found, f"{'bool' if kind == 'b' else 'float'} {shape}")
+            got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            _expect(right, name, got, f"{'bool' if kind == 'b' else 'float'} {shape}")
             sane = kind == "b" or bool((np.abs(array) <= LARGEST).all())
             _expect(sane, name, "not finite, or huge", f"finite numbers of at most {LARGEST:g}")
         uneven = float(np.abs(np.diff(self.time) / self.header.period - 1).max())
@@ -190,17 +190,17 @@ def _expect(condition: bool, name: str, value: object, expected: str) -> None:
 
 
 def write_walk(path: Path, log: WalkLog) -> None:
-    """Write a log as NPZ, whole or not at all: signals in single precision, time in double."""
+    """Write a log as NPZ, atomically: signals in single precision, time in double."""
     publish_npz(path, _arrays(log), compressed=True)
 
 
 def has_walk(path: Path, log: WalkLog) -> bool:
     """Return whether a file is this log, as `write_walk` writes it, number for number."""
     try:
-        found = read_npz_arrays(path)
+        saved = read_npz_arrays(path)
     except StictionError:
         return False
-    both = [{n: (a.dtype, a.shape, a.tobytes()) for n, a in arrays.items()} for arrays in (found, _arrays(log))]
+    both = [{n: (a.dtype, a.shape, a.tobytes()) for n, a in arrays.items()} for arrays in (saved, _arrays(log))]
     return both[0] == both[1]
 
 
@@ -215,7 +215,7 @@ def _arrays(log: WalkLog) -> dict[str, np.ndarray]:
 
 
 def is_walk(path: Path) -> bool:
-    """Return whether a file is a walking log by its looks: an archive with a `header` and a `quaternion`."""
+    """Return whether a file looks like a walking log: an archive with a `header` and a `quaternion`."""
     try:
         with zipfile.ZipFile(path) as archive:
             return {"header.npy", "quaternion.npy"} <= set(archive.namelist())
@@ -224,9 +224,10 @@ def is_walk(path: Path) -> bool:
 
 
 def read_walk(path: Path) -> WalkLog:
-    """Read a log; nothing in it is executed, and nothing is allocated that the file does not hold.
+    """Read a log; nothing in it is executed, and memory is bounded by its contents.
 
-    Raises `LogError`: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
+    Raises `LogError`: another kind of file, another version, a field missing, unknown, of the wrong type, shape or
+    value.
     """
     arrays = read_npz_arrays(path)
     data = read_header(arrays, SCHEMA, SCHEMA_VERSION, path.name)
@@ -245,20 +246,20 @@ def read_walk(path: Path) -> WalkLog:
 
 @dataclass(frozen=True)
 class WalkFit:
-    """Clouds and gait of one walk."""
+    """Point clouds and gait of one walk."""
 
     swing: dict[str, tuple[np.ndarray, np.ndarray]]
     """Joint -> velocity [rad/s] and torque without links and rotor inertia [N m] in swing, each shape (R,)."""
     gait_time: np.ndarray
     """Times of the first steps [s], shape (T,)."""
     gait: dict[str, np.ndarray]
-    """Foot -> whether it was taken to bear load at those times, bool, shape (T,)."""
+    """Foot -> mask of load-bearing at those times, bool, shape (T,)."""
     load: dict[str, tuple[np.ndarray, np.ndarray]]
-    """Kind of joint -> load and friction as forces on the body, the rest taken off [N], each shape (R,)."""
+    """Kind of joint -> load and friction as forces on the body, other forces subtracted [N], each shape (R,)."""
 
 
 PAIRS = ("swing", "load")
-"""Fields that hold two arrays a name: `swing.x.<joint>` and `swing.y.<joint>`."""
+"""Fields with two arrays per name: `swing.x.<joint>` and `swing.y.<joint>`."""
 
 
 def write_walk_fit(path: Path, fit: WalkFit) -> None:
@@ -272,19 +273,19 @@ def write_walk_fit(path: Path, fit: WalkFit) -> None:
 
 
 def read_walk_fit(path: Path) -> WalkFit:
-    """Read what `write_walk_fit` wrote; raise `StictionError` if something is missing or of the wrong length."""
+    """Read the file of `write_walk_fit`; raise `StictionError` for a missing array or one of the wrong length."""
     arrays = read_npz_arrays(path)
     if "gait.time" not in arrays:
         raise FileError(f"{path.name}: no gait.time; expected the fit.npz of a walking log: run identify again")
     time = arrays.pop("gait.time")
     gait = {name.removeprefix("gait."): array for name, array in arrays.items() if name.startswith("gait.")}
     pairs: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {group: {} for group in PAIRS}
-    for group, found in pairs.items():
+    for group, arrays_of in pairs.items():
         for name in [key.removeprefix(f"{group}.x.") for key in arrays if key.startswith(f"{group}.x.")]:
             first, second = arrays[f"{group}.x.{name}"], arrays.get(f"{group}.y.{name}", np.zeros(0))
             if first.shape != second.shape or first.ndim != 1:
                 raise FileError(f"{path.name}: {group} of {name!r} is not complete; run identify again")
-            found[name] = (first, second)
+            arrays_of[name] = (first, second)
     if any(array.shape != time.shape for array in gait.values()):
         raise FileError(f"{path.name}: the gait's arrays differ in length; run identify again")
     return WalkFit(pairs["swing"], time, gait, pairs["load"])

@@ -1,4 +1,4 @@
-"""`wear.json`: a map from one policy's own observations to the dry friction of its joints, with intervals."""
+"""`wear.json`: a map from one policy's observations to the dry friction of its joints, with intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stiction.files.plain import parse_object, take_version
 SCHEMA_VERSION = 3
 
 LARGEST, LONGEST_WINDOW = 1e9, 10**5
-"""Largest number of a map, and longest window: half an hour at 50 Hz."""
+"""Maximum of a number in a map, and of a window: half an hour at 50 Hz."""
 
 LEVEL = "level"
 """Name of the last target: the mean of f/τ_max over the joints."""
@@ -21,27 +21,28 @@ LEVEL = "level"
 
 @dataclass(frozen=True)
 class WearCalibration:
-    """How far a map is off on virtual robots, which have what its simulator has not: backlash, delays, load, Stribeck.
+    """Errors of a map on virtual robots, which have imperfections that its simulator lacks: backlash, delays, load,
+    Stribeck.
 
-    Per target of the map. Robots are the sample: of each the largest errors over its windows count.
+    Per target of the map. Robots are the sample: the largest errors of each over its windows count.
     """
 
     shift: tuple[float, ...]
-    """What is added to an estimate [-]: the median over robots of truth less estimate."""
+    """Correction of an estimate [-]: the median over robots of truth minus estimate."""
     lower: tuple[float, ...]
-    """Lower end of the 95 % interval less the estimate [-]."""
+    """Lower end of the 95 % interval minus the estimate [-]."""
     upper: tuple[float, ...]
-    """Upper end less the estimate [-]; both by split conformal prediction over the calibration robots."""
+    """Upper end minus the estimate [-]; both by split conformal prediction over the calibration robots."""
     held: tuple[float, ...]
-    """Share of the test robots' windows whose interval holds the truth [-]."""
+    """Share of the test robots' windows with the truth in the interval [-]."""
     held_before: tuple[float, ...]
-    """The same of the map's own intervals, before calibration [-]."""
+    """The same for the map's intervals before calibration [-]."""
     robots: tuple[int, ...]
     """Seeds of the calibration robots."""
     tested: tuple[int, ...]
-    """Seeds of the test robots; none is a calibration robot."""
+    """Seeds of the test robots, disjoint from the calibration robots."""
     engine: str
-    """Engine and what of the robots is real: `physx+all`."""
+    """Engine and imperfections of the robots: `physx+all`."""
 
     def __post_init__(self) -> None:
         columns = (self.shift, self.lower, self.upper, self.held, self.held_before)
@@ -55,47 +56,47 @@ class WearCalibration:
         if not (self.robots and self.tested and all(map(is_integer, seeds)) and len({*seeds}) == len(seeds)):
             raise BundleError("wear.json: 'calibration' needs robots, and others to test it on, each once")
         if not is_text(self.engine):
-            raise BundleError("wear.json: 'calibration' does not say in which engine it was made")
+            raise BundleError("wear.json: 'calibration' has no engine")
 
 
 @dataclass(frozen=True)
 class WearModel:
-    """A linear map from the mean features of a window (see `deploy.wear`) to f/τ_max of each joint and of the robot.
+    """Linear map from the mean features of a window (see `deploy.wear`) to f/τ_max of each joint and of the robot.
 
     Per target: the joints in the contract's order, then `LEVEL`. Fitted and tested in simulation only.
     """
 
     joint_names: tuple[str, ...]
     window: int
-    """Control steps over which features are averaged before an estimate is made."""
+    """Control steps over which features are averaged for an estimate."""
     center: tuple[float, ...]
     """Median of each feature over the robots it was fitted on."""
     scale: tuple[float, ...]
     limit: float
-    """Standardised features, (feature - center) / scale, are cut off at plus and minus this."""
+    """Bound of standardised features, (feature - center) / scale, which are clipped at plus and minus this."""
     weights: tuple[tuple[float, ...], ...]
     """One row per feature, one entry per target [-]."""
     intercept: tuple[float, ...]
     """Estimate where every feature is at its center [-]."""
     reach: tuple[float, ...]
-    """Half-width of each target's 95 % interval [-]: what 95 % of the calibration robots' errors do not pass."""
+    """Half-width of each target's 95 % interval [-], which 95 % of the calibration robots' errors do not exceed."""
     estimated: tuple[bool, ...]
-    """Whether each target is estimated at all: the lower end of its R² on unseen robots is above `threshold`."""
+    """True for each target that is estimated: the lower end of its R² on unseen robots is above `threshold`."""
     determination: tuple[float, ...]
     """R² of each target on unseen robots [-]."""
     coverage: tuple[float, ...]
-    """Share of unseen robots' windows whose interval holds the truth [-], each target."""
+    """Share of unseen robots' windows with the truth in the interval [-], each target."""
     threshold: float
-    """See `estimated` [-]."""
+    """Minimum of that R², see `estimated` [-]."""
     highest: float
-    """Friction of the robots it was fitted on went from 0 to this [-]; beyond, it extrapolates."""
+    """Maximum friction of the robots it was fitted on, from 0 [-]; beyond, it extrapolates."""
     unusual: float
-    """Mean square of the standardised features that 99 % of the calibration windows stay under [-]: a window above it
-    is not like those that the map was fitted on."""
+    """Mean square of the standardised features below which 99 % of the calibration windows are [-]: a window above it
+    is unlike those that the map was fitted on."""
     student: str
-    """SHA-256 of the student's checkpoint: features of another policy's walk mean something else."""
+    """SHA-256 of the student's checkpoint: the map is for this policy only."""
     calibration: WearCalibration | None = None
-    """What virtual robots say of it; None: its intervals are those of the simulator that it was fitted in."""
+    """Calibration on virtual robots; None: its intervals are those of the simulator that it was fitted in."""
 
     def __post_init__(self) -> None:
         targets, features = len(self.joint_names) + 1, len(self.center)
@@ -103,27 +104,26 @@ class WearModel:
         sizes = [(name, len(getattr(self, name)), targets) for name in per_target]
         sizes += [(name, len(getattr(self, name)), features) for name in ("scale", "weights")]
         sizes += [("weights' rows", len(row), targets) for row in self.weights]
-        for name, found, expected in sizes:
-            if found != expected:
-                raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
+        for name, got, expected in sizes:
+            if got != expected:
+                raise BundleError(f"wear.json: {name!r} has {got} entries; expected {expected}; export again")
         if self.calibration is not None and len(self.calibration.shift) != targets:
             raise BundleError(f"wear.json: 'calibration' is of {len(self.calibration.shift)} targets, not {targets}")
         lists = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, *self.weights)
         single = (self.threshold, self.highest, self.unusual, self.limit)
         if not all(is_number(number, LARGEST) for row in (*lists, single) for number in row):
-            raise BundleError(f"wear.json: a number is none, is not finite, or is over {LARGEST:g}; export again")
+            raise BundleError(f"wear.json: a number is missing, not finite, or over {LARGEST:g}; export again")
         counted = is_integer(self.window) and 1 <= self.window <= LONGEST_WINDOW
         if not (counted and min(self.scale) > 0 and min(self.reach) > 0 and min(single[1:]) > 0):
             raise BundleError(
                 f"wear.json: the window {self.window!r}, a scale, a reach or a bound is out of range; expected a "
-                f"window of 1 to {LONGEST_WINDOW} steps, and what is above zero"
+                f"window of 1 to {LONGEST_WINDOW} steps, and positive numbers"
             )
         known = all(isinstance(value, bool) for value in self.estimated) and max(self.determination) <= 1.0
         digest = isinstance(self.student, str) and re.fullmatch("[0-9a-f]{64}", self.student) is not None
         if not (known and digest and all(0.0 <= value <= 1.0 for value in self.coverage)):
             raise BundleError(
-                "wear.json: 'estimated' is not of yes and no, a share is above 1, or 'student' is no SHA-256; "
-                "export again"
+                "wear.json: 'estimated' is not boolean, a share is above 1, or 'student' is not a SHA-256; export again"
             )
 
     @property

@@ -1,1 +1,1 @@
-"""The joint model of the paper in NumPy: PD with motor strength, friction laws, simulation, Actuator Net."""
+"""Joint model of the paper in NumPy: PD with motor strength, friction laws, simulation, Actuator Net."""

@@ -1,13 +1,13 @@
-"""Dry friction of a joint: the laws that it may follow, in one table, and the two numbers that say how large it is.
+"""Dry friction of a joint: the table of its laws, and its two measures, dead band and share of the torque.
 
-The paper writes f = −b_c sign(θ') and leaves θ' = 0 open. Here friction at rest takes whatever value holds the joint,
+The paper writes f = −b_c sign(θ') and leaves θ' = 0 open. Here friction at rest takes any value that holds the joint,
 up to a limit: that is what makes it *static* friction.
 
 A law has up to two forms, and `LAWS` holds both. For many robots at once it is a bound that is written before every
 physics step, its level times a factor of speed, load or torque: training, evaluation and the engines use it. For one
 joint simulated from event to event it is a chain of straight pieces in |θ'| for each direction, on each of which the
-motion is known in closed form: identification uses that. Friction at rest goes up to the value of the first piece at
-zero.
+motion is known in closed form: identification uses that. The limit of friction at rest is the value of the first piece
+at zero.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from stiction.core.files import digest_of
 from stiction.core.provenance import PACKAGE
 
 KNOTS = (0.0, 0.19, 0.4, 0.84, 1.15, 1.43, 1.76, 2.33)
-"""Ends of the secants of exp(−x²), the last value being taken as zero: they are off by less than 1 % of its height."""
+"""Ends of the secants of exp(−x²), the last value being taken as zero: the error is below 1 % of its height."""
 
 SECANTS = (*(float(np.exp(-(x**2))) for x in KNOTS[:-1]), 0.0)
 """exp(−x²) at the knots."""
 
 
 class Piece(NamedTuple):
-    """f = level + slope |θ'| from the speed `start` to the start of the next piece, the last one without end."""
+    """f = level + slope |θ'| from the speed `start` to the start of the next piece; the last piece has no end."""
 
     start: float
     """[rad/s]."""
     level: float
-    """Where the straight line meets θ' = 0 [N m]."""
+    """Value of the straight line at θ' = 0 [N m]."""
     slope: float
     """[N m s/rad]."""
 
@@ -49,16 +49,16 @@ NOT_NEGATIVE = {
     "load_coefficient": "load coefficient",
     "effort_coefficient": "effort coefficient",
 }
-"""Number of a law that would drive the joint below zero -> the same in words."""
+"""Parameter of a law that must not be negative, for it would drive the joint below zero -> its name in messages."""
 
 
 class FrictionLaw:
-    """What the simulation of one joint asks of a law; this one depends on neither speed, load nor angle."""
+    """Law in the simulation of one joint; this base depends on neither speed, load nor angle."""
 
     level: float
     """b_c [N m]."""
     load_coefficient: float = 0.0
-    """Friction per torque that the load transmits, at every speed and at rest [1]."""
+    """Friction per torque transmitted by the load, at every speed and at rest [1]."""
     effort_coefficient: float = 0.0
     """Friction per torque of the motor, at every speed and at rest [1]."""
     depends_on_angle: bool = False
@@ -79,7 +79,7 @@ class FrictionLaw:
         return self.pieces(direction)[0].level
 
     def at_angle(self, position: np.ndarray) -> np.ndarray:
-        """Return what comes on top at an angle [rad], at every speed and at rest [N m], in the shape of `position`."""
+        """Return the additional friction at an angle [rad], at every speed and at rest [N m], shape of `position`."""
         return np.zeros_like(position)
 
     def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
@@ -91,7 +91,7 @@ class FrictionLaw:
 class Coulomb(FrictionLaw):
     """f = b_c + c |load| at every speed, and up to as much at rest.
 
-    The load is the torque that reaches the joint from outside: gravity and known torques.
+    The load is the torque on the joint from outside: gravity and known torques.
     """
 
     level: float
@@ -102,7 +102,7 @@ class Coulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class Effort(FrictionLaw):
-    """f = b_c + c |τ|, the motor's own torque: what the teeth of a gear lose of the torque that they carry."""
+    """f = b_c + c |τ|, with the motor's own torque: the loss in the teeth of a gear."""
 
     level: float
     """b_c [N m]."""
@@ -112,7 +112,7 @@ class Effort(FrictionLaw):
 
 @dataclass(frozen=True)
 class Breakaway(FrictionLaw):
-    """f = b_c in motion at any speed, and up to b_s at rest: a joint that sticks, and gives way all at once."""
+    """f = b_c in motion at any speed, and up to b_s at rest: a joint that sticks, then breaks away suddenly."""
 
     level: float
     """b_c [N m]."""
@@ -126,7 +126,7 @@ class Breakaway(FrictionLaw):
 
 @dataclass(frozen=True)
 class Asymmetric(FrictionLaw):
-    """Coulomb and viscous friction of each direction; forward means θ' > 0. `Joint.viscous` is zero beside it."""
+    """Coulomb and viscous friction of each direction; forward means θ' > 0. `Joint.viscous` must be zero with it."""
 
     forward: float
     """b_c forward [N m]."""
@@ -147,7 +147,7 @@ class Asymmetric(FrictionLaw):
 class Stribeck(FrictionLaw):
     """f = b_c + (b_s − b_c) exp(−(θ'/v_s)²): more friction at rest than in motion, as in lubricated gears.
 
-    The Gaussian is a chain of secants (`KNOTS`), within 1 % of b_s − b_c of it.
+    The Gaussian is a chain of secants (`KNOTS`), with an error below 1 % of b_s − b_c.
     """
 
     coulomb: float
@@ -163,7 +163,7 @@ class Stribeck(FrictionLaw):
             raise ConfigurationError(f"Stribeck velocity {self.velocity}: expected a positive number")
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
-        """Return the secants and the level behind them, whatever the direction."""
+        """Return the secants and the constant level after them, for either direction."""
         speeds = [self.velocity * knot for knot in KNOTS]
         values = [self.coulomb + (self.static - self.coulomb) * height for height in SECANTS]
         chain = []
@@ -203,7 +203,7 @@ class PositionDependent(FrictionLaw):
 
 
 def dead_band(level: float, kp: float) -> float:
-    """Return f/kp: how far the target can be from the angle before the joint moves [rad]."""
+    """Return f/kp: the largest distance between target and angle at which the joint does not move [rad]."""
     if not kp > 0:
         raise ConfigurationError(f"kp {kp}: the dead band f/kp needs a positive gain")
     return level / kp
@@ -219,12 +219,11 @@ def friction_ratio(level: float, torque_limit: float) -> float:
 Values = np.ndarray | float
 
 Unit = Literal["share", "coefficient", "torque"]
-"""Of a law's level: a fraction of the joint's torque limit, a coefficient [-], or a torque [N m]."""
+"""Unit of a law's level: a fraction of the joint's torque limit, a coefficient [-], or a torque [N m]."""
 
 Signal = Literal["velocity", "load", "torque"]
-"""What a bound may depend on, as it was before the physics step: the joint's velocity [rad/s]; |F| + |T| of the force
-[N] and torque [N m] that the joint transmitted, T about the centre of mass of the link behind it; the motor's torque
-[N m]."""
+"""Inputs of a bound, before the physics step: the joint's velocity [rad/s]; |F| + |T| of the force [N] and torque [N m]
+that the joint transmitted, T about the centre of mass of the link behind it; the motor's torque [N m]."""
 
 UNITS = {
     "viscous_friction": "N m s/rad",
@@ -241,57 +240,57 @@ UNITS = {
     "position_slope": "N m/rad",
     "position_curvature": "N m/rad²",
 }
-"""Parameter of an identified law, as joints.json names it -> its unit. Forward means θ' > 0."""
+"""Parameter of an identified law, by its name in joints.json -> its unit. Forward means θ' > 0."""
 
 
 @dataclass(frozen=True)
 class LawSpec:
-    """One law of dry friction. `register_law` puts it into the table that every command reads."""
+    """Law of dry friction. `register_law` adds it to the table that every command reads."""
 
     name: str
-    """On the command line and in joints.json, contract.json and results.csv."""
+    """Name on the command line and in joints.json, contract.json and results.csv."""
     meaning: str
     unit: Unit = "share"
-    """Of its level."""
+    """Unit of the level."""
     label: str = "dry friction"
-    """Of an axis of levels; of shares without their unit."""
+    """Label of an axis of levels; for shares without their unit."""
     factor: Callable[..., Values] | None = None
-    """The bound of a physics step [N m] is the level times this, a function of `reads` and `numbers` by name; None: the
-    batched simulator and the engines do not have the law."""
+    """Factor of the level that gives the bound of a physics step [N m], a function of `reads` and `numbers` by name;
+    None: the batched simulator and the engines do not have the law."""
     reads: tuple[Signal, ...] = ()
-    """What the factor depends on. Without any the bound is written once, and the simulator need not stop at every
-    physics step; `load` costs sensors in every joint."""
+    """Inputs of the factor. Without any the bound is written once, and the simulator need not stop at every physics
+    step; `load` costs sensors in every joint."""
     numbers: tuple[str, ...] = ()
     """Fields of `Law` that the factor takes."""
     smoothing: float = 0.0
     """Share of the old bound that is left after `SMOOTHING_PERIOD`."""
     parameters: tuple[str, ...] = ()
-    """Names in `UNITS` that identification estimates beside inertia and gravity, in its order; none: not a candidate.
-    The columns of a new one are in `identify.regression`, its torques in `identify.model`."""
+    """Names in `UNITS` that identification estimates in addition to inertia and gravity, in its order; empty: not a
+    candidate. The columns of a new one are in `identification.regression`, its torques in `identification.model`."""
     joint: Callable[[Mapping[str, float]], FrictionLaw] | None = None
-    """Makes the exact pieces of one joint from values of `parameters`, and `position_middle` [rad]."""
+    """Function that returns the exact pieces of one joint from values of `parameters`, and `position_middle` [rad]."""
 
     @property
     def loaded(self) -> bool:
-        """Whether it needs to know what a joint transmits."""
+        """True if the law depends on the load that a joint transmits."""
         return "load" in self.reads
 
     @property
     def sensed(self) -> bool:
-        """Whether the factor depends on sensors, which are not in the simulation's state."""
+        """True if the factor depends on sensors, which are not in the simulation's state."""
         return not set(self.reads) <= {"velocity"}
 
 
 def stribeck_factor(velocity: Values, static_ratio: Values, stribeck_velocity: Values) -> Values:
-    """Return 1 + (r − 1) exp(−(q'/v_s)²), friction over that at high speed [1]."""
+    """Return 1 + (r − 1) exp(−(q'/v_s)²), friction relative to that at high speed [1]."""
     return 1.0 + (static_ratio - 1.0) * np.exp(-np.square(velocity / stribeck_velocity))
 
 
 def _asymmetric(of: Mapping[str, float]) -> Asymmetric:
-    """Return friction without what differs between the directions.
+    """Return friction with the difference between the directions removed.
 
-    A constant offset and friction that differs by direction are the same torque: so an identified law may have negative
-    friction in one direction, as long as their mean is positive. The difference is the joint's offset.
+    A constant offset and friction that differs by direction are the same torque: an identified law may have negative
+    friction in one direction, if the mean is positive. The difference is the joint's offset.
     """
     middle = 0.5 * (of["coulomb_friction_forward"] + of["coulomb_friction_backward"])
     return Asymmetric(middle, middle, of["viscous_friction_forward"], of["viscous_friction_backward"])
@@ -303,16 +302,16 @@ SYMMETRIC = ("viscous_friction", "coulomb_friction", "offset")
 """Parameters of viscous and Coulomb friction, which nearly every law has."""
 
 SMOOTHING_PERIOD = 0.005
-"""Time over which `LawSpec.smoothing` of an old bound is left: the physics step of the training [s]."""
+"""Time constant of `LawSpec.smoothing`: the physics step of the training [s]."""
 
 
 def register_law(law: LawSpec) -> LawSpec:
     """Add a law to the table, before a command or a configuration names it; return it.
 
-    Raises `StictionError` where there is one of that name, nothing can simulate the law, or a parameter has no unit.
+    Raises `StictionError` for a name in use, a law that nothing can simulate, or a parameter without a unit.
     """
     if law.name in LAWS:
-        raise ConfigurationError(f"friction law {law.name!r} is there already; give the new one another name")
+        raise ConfigurationError(f"friction law {law.name!r} exists already; choose another name")
     if law.factor is None and law.joint is None:
         raise ConfigurationError(
             f"friction law {law.name!r} has neither a factor nor exact pieces; give it one of them"
@@ -394,11 +393,11 @@ for _law in (
     register_law(_law)
 
 MAX_LEVEL = 0.9
-"""Highest friction level, and coefficient [-]: above it hardly any torque is left to move the joint."""
+"""Maximum friction level, and coefficient [-]: above it hardly any torque is left to move the joint."""
 
 
 def find_law(name: str) -> LawSpec:
-    """Return the law of a name. Raises `StictionError` where there is none."""
+    """Return the law of a name. Raises `StictionError` for an unknown name."""
     if name not in LAWS:
         raise ConfigurationError(unknown_name("friction law", name, LAWS))
     return LAWS[name]
@@ -417,14 +416,14 @@ def candidate_laws() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Law:
-    """A law that robots are simulated with, and the parameters that all its levels share."""
+    """Law of simulated robots, and the parameters common to all its levels."""
 
     name: str = "coulomb"
     """One of `simulated_laws`."""
     static_ratio: float = 1.5
-    """Friction at rest over friction in motion [1], of `stribeck`."""
+    """Static over dynamic friction [1], for `stribeck`."""
     stribeck_velocity: float = 0.1
-    """Speed at which 63 % of that excess is gone [rad/s], of `stribeck`."""
+    """Speed at which 63 % of the excess at rest is gone [rad/s], for `stribeck`."""
 
     def __post_init__(self) -> None:
         if self.name not in simulated_laws():
@@ -437,16 +436,16 @@ class Law:
 
     @property
     def spec(self) -> LawSpec:
-        """Its row of the table."""
+        """Row of the table."""
         return LAWS[self.name]
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Those of its parameters that this law has."""
+        """Parameters of this law, by name."""
         return {name: getattr(self, name) for name in self.spec.numbers}
 
     def factor(self, **signals: Values) -> Values:
-        """Return what multiplies the level to the bound [N m].
+        """Return the factor that turns the level into the bound [N m].
 
         signals: at least those that the law reads; its numbers too, where robots differ in them.
         """
@@ -456,19 +455,19 @@ class Law:
 
 
 def law_source(law: str) -> str | None:
-    """Return the SHA-256 of the file that defines a law which was registered from outside; None of one of ours."""
+    """Return the SHA-256 of the file that defines a law registered from outside; None for a built-in law."""
     code = getattr(LAWS[law].factor, "__code__", None) if law in LAWS else None
     file = None if code is None else Path(code.co_filename).resolve()
     return None if file is None or PACKAGE in file.parents or not file.is_file() else digest_of(file)
 
 
 def has_coefficient(law: str) -> bool:
-    """Say whether the level of a law is a coefficient; of a virtual robot's own friction, `real`, it is a fraction."""
+    """Return whether the level of a law is a coefficient; a virtual robot's built-in `real` is a fraction."""
     return law in LAWS and LAWS[law].unit == "coefficient"
 
 
 def level_text(law: str, level: float) -> str:
-    """Return a level as people read it: `20 %` of the torque limit, or `c = 0.05`."""
+    """Return a level for readers: `20 %` of the torque limit, or `c = 0.05`."""
     return f"c = {level:g}" if has_coefficient(law) else f"{100 * level:g} %"
 
 

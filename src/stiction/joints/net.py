@@ -1,13 +1,13 @@
-"""The Actuator Net in NumPy, and the analytic law that it is compared with. No torch: evaluation runs it too.
+"""Actuator Net in NumPy, and its analytic baseline. Without torch, since evaluation runs it too.
 
 For joint j at sample t the net returns τ_t / τ_max from two signals over a window, H = 3 in the paper. `default`: the
-position errors e = a - θ and the velocities θ' at t, t-1, ..., t-H. `paper`, as printed: θ_t ... θ_{t-H} and
-θ'_{t-1} ... θ'_{t-H}; without the target, that net cannot know what was commanded.
+position errors e = a - θ and the velocities θ' at t, t-1, ..., t-H. `paper`, as printed: θ_t ... θ_{t-H} and θ'_{t-1}
+... θ'_{t-H}; without the target, that net cannot know the command.
 
 The analytic law is τ = clip(kp (a - θ) - kd θ', ±τ_max) - λ kd Δθ' - f sat(θ'/w) - B θ', with f, B and λ of each joint
-by least squares. Δθ' is the change of the velocity over the period that follows, and λ the share of the period after
-which kd θ' acts, for a logged torque is a mean over that period: 0 for a controller that holds its torque, one half for
-one that runs much faster than the log, and 1 in MuJoCo, which takes kd implicitly.
+by least squares. Δθ' is the change of the velocity over the following period, and λ the share of the period after which
+kd θ' acts, for a logged torque is a mean over that period: 0 for a controller that holds its torque, one half for one
+that runs much faster than the log, and 1 in MuJoCo, which treats kd implicitly.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from stiction.joints.pd import TorqueSource as TorqueSource
 
 @dataclass(frozen=True)
 class ActuatorNet:
-    """A multilayer perceptron with softsign units for each group of joints, whose joints share its weights."""
+    """Multilayer perceptron with softsign units for each group of joints, which share its weights."""
 
     robot: str
     joint_names: tuple[str, ...]
     """Names of the joints, in the order of every vector over joints."""
     torque_limit: tuple[float, ...]
-    """Largest torque of each motor [N m]: the net's output is in these units."""
+    """Torque limit of each motor [N m], the unit of the net's output."""
     groups: tuple[tuple[str, ...], ...]
     """Names of the joints that share weights, group by group; every joint is in one."""
     inputs: str
-    """Set of inputs, one of `INPUT_SETS`."""
+    """Name of the set of inputs, one of `INPUT_SETS`."""
     history: int
-    """H, samples of the past beside the current one."""
+    """H, number of past samples in addition to the current one."""
     period: float
-    """Time between two samples [s]: the simulator's physics step must be the same."""
+    """Time between two samples [s], equal to the simulator's physics step."""
     torque_source: str
     """`motor_side` (the joint's friction is not in the torque, the simulation keeps its own) or `output_side` (dry and
     viscous friction are in it, the simulation drops its own)."""
     layers: tuple[Layers, ...]
     """Weights of each group. Inputs in SI units, row by row: the first signal (error or position) now, one sample ago,
-    ..., H samples ago, then the velocity likewise; an input that the set lacks has zero weights."""
+    ..., H samples ago, then the velocity likewise; an input that is not in the set has zero weights."""
     training: Mapping[str, str]
-    """File -> SHA-256 of each log that it was fitted to."""
+    """File -> SHA-256 of each training log."""
     validation: Mapping[str, str]
-    """File -> SHA-256 of each log that was held out."""
+    """File -> SHA-256 of each held-out log."""
     loss: Mapping[str, float]
-    """`training`, `validation`: mean squared error of torque over limit at the end [-]."""
+    """`training`, `validation`: final mean squared error of torque over limit [-]."""
     seed: int
     revision: str
     command: str
@@ -85,7 +85,7 @@ class ActuatorNet:
         _check_layers(self)
 
     def check_use(self, robot: str, joint_names: Sequence[str], torque_limit: np.ndarray, period: float) -> None:
-        """Raise `FileError` unless the net is for these joints and this physics step [s]."""
+        """Raise `FileError` unless the net fits these joints and this physics step [s]."""
         if tuple(joint_names) != self.joint_names:
             raise FileError(
                 f"the Actuator Net is for the joints of {self.robot!r}, {', '.join(self.joint_names[:3])}, ...; the "
@@ -111,10 +111,10 @@ INPUT_SETS = {
     "default": "position errors (target - position) and velocities, now and over the last H samples",
     "paper": "positions, now and over the last H samples, and velocities of the last H samples without the current one",
 }
-"""Set of inputs -> what the net sees. The paper's has no target: that net cannot know what was asked for."""
+"""Set of inputs -> its signals. The paper's has no target: that net cannot know the command."""
 
 PERIOD_TOLERANCE = 1e-6
-"""Largest relative difference of two periods that are the same."""
+"""Maximum relative difference of two equal periods."""
 
 
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:
@@ -138,31 +138,31 @@ def _check_layers(net: ActuatorNet) -> None:
 
 
 ROWS = 3072
-"""Rows that go through the layers at once, so that they stay in the processor's cache."""
+"""Rows that go through the layers at once, to stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
 class ActuatorCfg:
-    """What the net is and how it is fitted."""
+    """Inputs, layers and fit of the net."""
 
     inputs: Literal["default", "paper"] = "default"
     """`default`: position errors and velocities, the current ones included. `paper`: as the paper prints it, positions
     and past velocities, without the target."""
     history: int = 3
-    """H, samples of the past beside the current one; the paper's."""
+    """H, number of past samples in addition to the current one; as in the paper."""
     share: Literal["kind", "all"] = "kind"
-    """Who shares weights: joints of a kind (`FL_shank` is a `shank`), or all. Joints of a kind have the same motor,
-    gear and controller, and every leg adds data; between kinds torque limits and gains differ."""
+    """Joints that share weights: joints of a kind (`FL_shank` is a `shank`), or all. Joints of a kind have the same
+    motor, gear and controller, and every leg adds data; between kinds torque limits and gains differ."""
     hidden: tuple[int, ...] = (32, 32)
-    """Widths of the hidden layers, softsign units: the field's much-copied net. Empty: a linear law."""
+    """Widths of the hidden layers, softsign units: a net in common use. Empty: a linear law."""
     epochs: int = 40
     """Passes over the training samples."""
     batch: int = 512
     """Samples of one gradient step."""
     learning_rate: float = 1e-2
-    """First learning rate; it falls to zero along a cosine."""
+    """Initial learning rate; it falls to zero along a cosine."""
     validation_share: float = 0.25
-    """Share of the runs that is held out of the fit, at least one. Whole runs: windows overlap, so windows drawn at
+    """Share of the runs that is held out of the fit, at least one run. Whole runs: windows overlap, so windows drawn at
     random would be in both parts."""
     seed: int = 0
     """Seed of weights, order of samples and split."""
@@ -187,26 +187,26 @@ class ActuatorCfg:
 
 def weight_groups(joint_names: tuple[str, ...], share: str) -> tuple[tuple[str, ...], ...]:
     """Return the joints that share weights, in order of first appearance; `share`: see `ActuatorCfg`."""
-    found: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for name in joint_names:
-        found.setdefault(kind_of(name) if share == "kind" else "", []).append(name)
-    return tuple(map(tuple, found.values()))
+        groups.setdefault(kind_of(name) if share == "kind" else "", []).append(name)
+    return tuple(map(tuple, groups.values()))
 
 
 def first_signal(inputs: str, target: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return what the net sees beside the velocity: errors a - θ, or θ as printed in the paper [rad], any shape."""
+    """Return the net's first signal, the second being velocity: errors a - θ, or θ as in the paper [rad], any shape."""
     return position if inputs == "paper" else target - position
 
 
 def used_inputs(inputs: str, history: int) -> np.ndarray:
-    """Return which of the 2 (H + 1) inputs a set has, bool: the paper's lacks the current velocity."""
+    """Return the mask of the 2 (H + 1) inputs in a set, bool: the paper's lacks the current velocity."""
     mask = np.ones(2 * (history + 1), bool)
     mask[history + 1] = inputs != "paper"
     return mask
 
 
 def windows(signal: np.ndarray, velocity: np.ndarray, history: int) -> np.ndarray:
-    """Return the inputs of every sample that has a whole past, shape (T - H, J, 2 (H + 1)).
+    """Return the inputs of every sample that has a complete past, shape (T - H, J, 2 (H + 1)).
 
     signal: of `first_signal`, velocity: θ' [rad/s], both (T, J). In each row, first the signal now, one sample ago,
     ..., H samples ago, then the velocity likewise.
@@ -217,7 +217,7 @@ def windows(signal: np.ndarray, velocity: np.ndarray, history: int) -> np.ndarra
 
 
 def perceptron(layers: Layers, inputs: np.ndarray) -> np.ndarray:
-    """Return the net's output, float32, shape (rows,). inputs: float32, one column a row, shape (width, rows)."""
+    """Return the net's output, float32, shape (rows,). inputs: float32, one column per row, shape (width, rows)."""
     rows = inputs.shape[1]
     output = np.empty(rows, np.float32)
     for begin in range(0, rows, ROWS):
@@ -235,7 +235,7 @@ def perceptron(layers: Layers, inputs: np.ndarray) -> np.ndarray:
 
 
 class ActuatorMemory:
-    """The last H + 1 samples of the joints of N robots, and the torque that the net gives for them.
+    """Last H + 1 samples of the joints of N robots, and the net's torque for them.
 
     Joints are ordered by group and come before robots, so that each group's rows are contiguous.
     """
@@ -256,7 +256,7 @@ class ActuatorMemory:
         self.fresh[ids] = True
 
     def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Take in one sample, (N, J) [rad, rad/s]; return the torques [N m], not clipped to the limits, (N, J)."""
+        """Add one sample, (N, J) [rad, rad/s]; return the torques [N m], not clipped to the limits, (N, J)."""
         # The two views overlap; NumPy copies as if the right side had been set aside first.
         self.past[:, 1:] = self.past[:, :-1]
         self.past[0, 0] = first_signal(self.net.inputs, target, position).T[self._order]
@@ -286,20 +286,20 @@ def predict(net: ActuatorNet, target: np.ndarray, position: np.ndarray, velocity
 
 
 WIDTH = 0.05
-"""Speed at which the friction of the baseline reaches f [rad/s]. At rest friction takes any value up to f, which no law
-of the speed alone can give."""
+"""Speed at which the friction of the baseline reaches f [rad/s]. At rest friction takes any value up to f, which no
+function of the speed alone can represent."""
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """The analytic law of every joint, arrays of shape (J,)."""
+    """Analytic law of every joint, arrays of shape (J,)."""
 
     kp: np.ndarray
     """Proportional gains [N m/rad]."""
     kd: np.ndarray
     """Derivative gains [N m s/rad]."""
     torque_limit: np.ndarray
-    """Largest torques [N m]."""
+    """Torque limits [N m]."""
     coulomb: np.ndarray
     """f, fitted [N m]."""
     viscous: np.ndarray
@@ -333,7 +333,7 @@ def fit_baseline(
 ) -> Baseline:
     """Fit f, B and λ of each joint to the training runs: target, position, velocity, torque of each, (T, J).
 
-    gains: kp, kd and torque limit, each (J,). A joint that never moved has neither friction, one without kd no λ.
+    gains: kp, kd and torque limit, each (J,). A joint that never moved has no friction, one without kd no λ.
     """
     none = np.zeros_like(gains[0])
     plain = Baseline(*gains, none, none, none)

@@ -1,6 +1,6 @@
-"""The joint controller: τ = k_motor (kp (a − θ) − kd θ'), limited to what the motor gives.
+"""Joint controller: τ = k_motor (kp (a − θ) − kd θ'), within the torque limit of the motor.
 
-The paper prints the position term with the opposite sign, (θ − a); that joint would run away.
+The paper prints the position term with the opposite sign, (θ − a), with which the joint would run away.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from stiction.core.errors import ConfigurationError
 
 TorqueSource = Literal["motor_side", "output_side"]
 TORQUE_SOURCES: tuple[TorqueSource, ...] = get_args(TorqueSource)
-"""Where a torque is measured: by current or command, or behind the gear and the joint's friction."""
+"""Place of a torque measurement: by current or command, or behind the gear and the joint's friction."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class PDGains:
     kd: float
     """Derivative gain [N m s/rad]."""
     torque_limit: float = float("inf")
-    """Largest torque that the motor gives, in either direction [N m]."""
+    """Torque limit of the motor, in either direction [N m]."""
     strength: float = 1.0
-    """Motor strength, k_motor: torque delivered over torque asked for [1]."""
+    """Motor strength, k_motor: delivered over requested torque [1]."""
 
     def __post_init__(self) -> None:
         # NaN passes every comparison below, so it is asked for by itself.
@@ -41,11 +41,11 @@ class PDGains:
 
 
 COMPENSATION_WIDTH = 0.05
-"""Distance of the target at which the whole friction is compensated [rad]; in proportion below, or it would chatter."""
+"""Distance to the target above which the full friction is compensated [rad]; in proportion below, against chatter."""
 
 
 def fed_forward(target: Any, position: Any, friction: Any, width: float = COMPENSATION_WIDTH) -> Any:
-    """Return what to add against friction, f sat((a − θ)/width) [N m]; shapes broadcast.
+    """Return the torque added against friction, f sat((a − θ)/width) [N m]; shapes broadcast.
 
     target: a [rad]; position: θ as measured [rad]; friction: f [N m].
     """
@@ -53,7 +53,7 @@ def fed_forward(target: Any, position: Any, friction: Any, width: float = COMPEN
 
 
 def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Return the torque delivered [N m], any shape.
+    """Return the delivered torque [N m], any shape.
 
     target: a [rad]; position: θ [rad]; velocity: θ' [rad/s]; shapes broadcast.
     """
@@ -65,7 +65,7 @@ def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity
 def controller_torque(
     target: np.ndarray, position: np.ndarray, velocity: np.ndarray, kp: np.ndarray, kd: np.ndarray, limit: np.ndarray
 ) -> np.ndarray:
-    """Return what the controllers of J joints ask of their motors, nominal and within the limits [N m], shape (T, J).
+    """Return the torques that the controllers of J joints request, nominal and within limits [N m], shape (T, J).
 
     target, position, velocity: shape (T, J), units as of `pd_torque`; kp, kd, limit: of each joint, shape (J,).
     """

@@ -1,8 +1,8 @@
-"""One joint under its controller: I q'' + B q' + gravity = τ + d + f − offset, with stick and slip at exact instants.
+"""Simulation of one joint under its controller: I q'' + B q' + gravity = τ + d + f − offset, with exact stick and slip.
 
 Between two events the joint is a linear system whose target is a straight line from sample to sample, so its motion is
 known in closed form and the events are solved for (`stick_slip`). Gravity is not linear: it is a spring of its mean
-slope, and what is left of it a torque along the path of the pass before, until the path no longer changes.
+slope, plus the remaining torque along the path of the previous pass, until the path no longer changes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stiction.joints.stick_slip import Mechanism, Phase, Regimes, StickSlip
 
 @dataclass(frozen=True)
 class Gravity:
-    """A link that turns about an axis fixed in space: sin · sin θ + cos · cos θ."""
+    """Gravity of a link that turns about an axis fixed in space: sin · sin θ + cos · cos θ."""
 
     sin: float
     """Torque that holds the link at θ = π/2 [N m]; positive for a pendulum that hangs at θ = 0."""
@@ -41,26 +41,26 @@ class Gravity:
 
 
 SETTLED = 1e-8
-"""Change of the path between two passes under which gravity is taken as known [rad]."""
+"""Change of the path between two passes below which they end [rad]."""
 
 MOST_PASSES = 40
-"""Passes after which gravity is declared too strong for the controller."""
+"""Maximum number of passes; beyond it, gravity counts as too strong for the controller."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint. For a linear axis read kg, N s/m and N."""
+    """Joint parameters. For a linear axis read kg, N s/m and N."""
 
     inertia: float
     """I, rotor included [kg m²]."""
     viscous: float
     """B [N m s/rad]."""
     friction: FrictionLaw
-    """Dry friction, and what its law has of viscous friction."""
+    """Dry friction, and any viscous friction of its law."""
     offset: float = 0.0
     """Constant torque that the motor must supply: weight of a cable, bias of the current sensor [N m]."""
     gravity: Gravity | None = None
-    """Weight of the link, None where the axis is upright or nothing hangs on it."""
+    """Weight of the link; None for a vertical axis or without a link."""
 
     def __post_init__(self) -> None:
         numbers = (self.inertia, self.viscous, self.offset)
@@ -73,7 +73,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What a simulated joint did, sample by sample; arrays of shape (num_samples,)."""
+    """Simulated motion of a joint, sample by sample; arrays of shape (num_samples,)."""
 
     position: np.ndarray
     """θ [rad]."""
@@ -82,10 +82,10 @@ class Trajectory:
     torque: np.ndarray
     """τ delivered by the motor [N m]."""
     phases: tuple[Phase, ...] = ()
-    """When it stuck and slid, in the order of time."""
+    """Phases of sticking and sliding, in the order of time."""
 
     def thinned(self, pieces: int) -> Trajectory:
-        """Return every so many-th sample, without phases."""
+        """Return every n-th sample, without phases."""
         return Trajectory(self.position[::pieces], self.velocity[::pieces], self.torque[::pieces])
 
 
@@ -104,10 +104,10 @@ def simulate(
 
     step: time between samples [s]; target: a [rad], shape (num_samples,), a straight line from sample to sample;
     position, velocity: θ and θ' at the first sample; load: d, known torque on the joint from outside [N m], shape
-    (num_samples,), straight between samples; guess: roughly where the joint will be [rad], shape (num_samples,), the
-    target by default: with gravity a good guess saves passes; settled: change of the path between two passes at which
-    they end [rad]. Raises `StictionError` if an input is not finite or too
-    short, and if gravity is too strong for the controller to hold.
+    (num_samples,), straight between samples; guess: approximate path [rad], shape (num_samples,), the target by
+    default: with gravity a good guess saves passes; settled: change of the path between two passes at which they end
+    [rad]. Raises `StictionError` if an input is not finite or too short, and if gravity is too strong for the
+    controller to hold.
     """
     target = np.asarray(target, float)
     for name, values in {"target": target, "load": load, "guess": guess}.items():
@@ -150,9 +150,10 @@ def _settle(
     run: Callable[[np.ndarray, np.ndarray, float], Motion],
     settled: float,
 ) -> Motion:
-    """Run with weight and friction along the path of the run before, until the path stays where it is.
+    """Simulate with weight and friction along the path of the previous pass, until the path no longer changes.
 
-    run: of known torque beside motor, friction and spring [N m], friction beyond the law's own [N m], and spring.
+    run: function of known torque apart from motor, friction and spring [N m], friction beyond the law's [N m], and
+    spring.
     """
     gravity = joint.gravity or Gravity(0.0, 0.0)
     spring, change, velocity = mean_slope(gravity, path), np.inf, np.gradient(path, step)

@@ -1,8 +1,8 @@
 """Stick and slip at exact instants: a joint on one straight piece of its friction after another.
 
-A stop, a break-away or a new piece of the friction law inside a sample is solved for, so there is no sign(v) to
-chatter. Saturation of the motor begins and ends on samples. The input is a straight line between samples, so the motion
-is known in closed form: whole stretches are computed at once, and states between samples by a power series.
+A stop, a break-away or a new piece of the friction law inside a sample is solved for, so no sign(v) can chatter.
+Saturation of the motor begins and ends on samples. The input is a straight line between samples, so the motion is known
+in closed form: whole stretches are computed at once, and states between samples by a power series.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from stiction.joints.friction import FrictionLaw, Piece
 from stiction.joints.pd import PDGains
 
 LONGEST_SERIES = 4.0
-"""Time constants that one Taylor series spans; longer spans are cut, or large terms would cancel."""
+"""Maximum time constants in one Taylor series; longer spans are cut, or large terms would cancel."""
 
 LEAST_STIFF, LEAST_APART = 1e-4, 1e-2
-"""Stiffness, and distance of the two rates, times the step (squared): under either the closed form loses digits."""
+"""Stiffness, and distance of the two rates, times the step (squared): below either the closed form loses digits."""
 
 LARGEST_GROWTH = 200.0
-"""Growth of an unstable motion, as the logarithm, after which a stretch is cut: floating point ends at 700."""
+"""Maximum growth of an unstable motion in one stretch, as the logarithm: floating point ends at 700."""
 
 MOST_SAMPLES = 1_000_000
 
@@ -34,7 +34,7 @@ State = tuple[float, float]
 
 
 class Regime:
-    """One linear system."""
+    """Linear system of one stretch of motion."""
 
     def __init__(self, stiffness: float, damping: float, step: float) -> None:
         """Discretise exactly for inputs that are straight lines between samples.
@@ -61,7 +61,7 @@ class Regime:
         self.steady = stiffness > 0 and damping > 0
 
     def changes(self, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return g of each sample, and what excites the recursion, for `stretch`.
+        """Return g of each sample, and the excitation of the recursion, for `stretch`.
 
         That is g[n + 1] + (Φ − tr Φ) g[n], which needs no state, so that it is computed once for a whole run. drive: u
         at the samples [rad/s²], shape (num_samples,). Shapes (2, num_samples - 1) and (2, num_samples - 2).
@@ -70,7 +70,7 @@ class Regime:
         return change, change[:, 1:] + self._crossed @ change[:, :-1]
 
     def stretch(self, state: State, change: np.ndarray, excited: np.ndarray) -> np.ndarray:
-        """Return q and q' at some samples, from `state` at the first; shape (2, num_samples), at least two.
+        """Return q and q' at several samples, from `state` at the first; shape (2, num_samples), at least two.
 
         change, excited: of `changes`, shapes (2, num_samples - 1) and (2, num_samples - 2).
         """
@@ -83,7 +83,7 @@ class Regime:
         return dtbtrs(bands, excitation.T, uplo="L")[0].T
 
     def free(self, count: int) -> np.ndarray:
-        """Return q and q' at so many samples without input, from q = 1 and from q' = 1; shape (2, 2, count)."""
+        """Return q and q' at `count` samples without input, from q = 1 and from q' = 1; shape (2, 2, count)."""
         none = np.zeros((2, count - 1))
         return np.stack([self.stretch(start, none, none[:, 1:]) for start in ((1.0, 0.0), (0.0, 1.0))])
 
@@ -94,7 +94,7 @@ class Regime:
     def inside(self, state: State, drive: float, drive_slope: float, elapsed: float) -> State:
         """Return q and q' after `elapsed` seconds of the input u = drive + drive_slope t.
 
-        With h the answer to a unit of speed, q' is q'(0) (h' + damping h) + q''(0) h + drive_slope ∫h.
+        With h the response to a unit of speed, q' is q'(0) (h' + damping h) + q''(0) h + drive_slope ∫h.
         """
         if not self._closed:
             return self._expand(state, drive, drive_slope, elapsed)
@@ -118,7 +118,7 @@ class Regime:
         )
 
     def _expand(self, state: State, drive: float, drive_slope: float, elapsed: float) -> State:
-        """Return what `inside` does, by Taylor series, for whatever stiffness and damping."""
+        """Return the result of `inside` by Taylor series, for any stiffness and damping."""
         pieces = 1 + int((abs(self.damping) + abs(self.stiffness) ** 0.5) * elapsed / LONGEST_SERIES)
         elapsed /= pieces
         for piece in range(pieces):
@@ -151,9 +151,9 @@ class Regime:
         return position, velocity
 
     def reach(self, state: State, drive: float, drive_slope: float, span: float, speed: float, final: State) -> float:
-        """Return the instant at which q' passes `speed` for good within `span` [s], 0 if it starts beyond it.
+        """Return the instant within `span` [s] at which q' passes `speed` for good, 0 if it starts beyond it.
 
-        final: the state at the end of the span, where q' is beyond `speed`, seen from where it starts. Newton's method
+        final: the state at the end of the span, where q' is beyond `speed`, relative to the start. Newton's method
         between two brackets, from where q' would pass if q'' were a straight line.
         """
         side = 1.0 if final[1] > speed else -1.0
@@ -194,23 +194,23 @@ class Regime:
 
 
 FIRST_STRETCH = 64
-"""Samples computed at once after an event; doubled while nothing happens."""
+"""Samples computed at once after an event; doubled after every stretch without one."""
 
 SHORTEST = 1e-9
-"""A slide from rest that is shorter than this share of a sample is rest."""
+"""Minimum length of a slide from rest, as a share of a sample."""
 
 STEEPEST = 30.0
-"""Growth of an unstable joint within one sample, as the logarithm, beyond which nothing can be computed."""
+"""Maximum growth of an unstable joint within one sample, as the logarithm."""
 
 STIFFEST = 1000.0
-"""Time constants in one sample beyond which a joint is too stiff to be worth computing."""
+"""Maximum time constants in one sample; a joint beyond is too stiff to simulate."""
 
 MOST_EVENTS = 100
-"""Events within one sample; a joint with more of them rests until the next one."""
+"""Maximum events within one sample; a joint with more of them rests until the next sample."""
 
 
 class Phase(NamedTuple):
-    """A time without an event: whole samples from `first` to `last`, or part of one sample."""
+    """Time without an event: whole samples from `first` to `last`, or part of one sample."""
 
     first: int
     """Sample at which the phase begins, or in which it lies."""
@@ -218,7 +218,7 @@ class Phase(NamedTuple):
     """Sample at which it ends; `first` if it is part of the sample interval after `first`."""
     begin: float
     end: float
-    """Seconds from sample `first` to the end."""
+    """Time from sample `first` to the end [s]."""
     sign: int
     """Direction: -1 or 1 while sliding, 0 at rest."""
     side: int
@@ -230,20 +230,20 @@ class Phase(NamedTuple):
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What moves: I q'' + B q' + spring q + friction = motor + push."""
+    """Moving part: I q'' + B q' + spring q + friction = motor + push."""
 
     inertia: float
     """I [kg m²]."""
     viscous: float
     """B [N m s/rad]."""
     friction: FrictionLaw
-    """Dry friction; what the law adds under load is in `load_friction`."""
+    """Dry friction; additional friction under load is in `load_friction`."""
     spring: float
-    """Torque per angle that the link itself needs, the slope of gravity [N m/rad]."""
+    """Torque per angle of the link, the slope of gravity [N m/rad]."""
     push: np.ndarray
     """Known torque, straight between samples [N m], shape (num_samples,)."""
     load_friction: np.ndarray
-    """Dry friction beyond the law's own, straight between samples [N m], shape (num_samples,)."""
+    """Dry friction beyond the law's, straight between samples [N m], shape (num_samples,)."""
 
 
 class _Sliding(NamedTuple):
@@ -255,8 +255,7 @@ class _Sliding(NamedTuple):
     change: np.ndarray
     excited: np.ndarray
     course: np.ndarray | None
-    """q, q' and what the controller asks for [N m] from rest at zero on, shape (3, num_samples); None where the system
-    runs away from whatever it does."""
+    """q, q' and the requested torque [N m] from rest at zero, shape (3, num_samples); None for an unstable system."""
     free: np.ndarray | None
     """The same without input, from q = 1 and from q' = 1, shape (2, 3, num_samples); every motion is `course` and a
     share of these."""
@@ -271,12 +270,12 @@ Regimes = dict[tuple[float, float], tuple[Regime, np.ndarray | None]]
 
 
 class StickSlip:
-    """One run of a mechanism under its controller; `run` fills `phases`."""
+    """Run of a mechanism under its controller; `run` fills `phases`."""
 
     def __init__(
         self, mechanism: Mechanism, gains: PDGains, step: float, target: np.ndarray, regimes: Regimes | None = None
     ) -> None:
-        """Prepare a run; step [s]; target: a [rad], shape (num_samples,); regimes: kept from other runs."""
+        """Prepare a run; step [s]; target: a [rad], shape (num_samples,); regimes: cache of earlier runs."""
         self.mechanism, self.gains, self.step, self.target = mechanism, gains, step, target
         self.phases: list[Phase] = []
         self.pieces: dict[int, tuple[Piece, ...]] = {sign: mechanism.friction.pieces(sign) for sign in (-1, 1)}
@@ -324,7 +323,7 @@ class StickSlip:
         return np.concatenate([motion, asked[..., None, :]], axis=-2)
 
     def pull(self, samples: slice, position: float) -> np.ndarray:
-        """Return the torque on a joint at rest at some samples, friction apart [N m]."""
+        """Return the torque on a joint at rest at several samples, without friction [N m]."""
         joint, gains = self.mechanism, self.gains
         motor = (gains.strength * gains.kp) * (self.target[samples] - position)
         if self.limited:
@@ -332,7 +331,7 @@ class StickSlip:
         return motor + (joint.push[samples] - joint.spring * position)
 
     def pull_at(self, index: int, position: float) -> float:
-        """Return the same at one sample, in numbers of Python."""
+        """Return the same at one sample, as Python numbers."""
         joint, gains = self.mechanism, self.gains
         motor = (gains.strength * gains.kp) * (float(self.target[index]) - position)
         if self.limited:
@@ -340,13 +339,13 @@ class StickSlip:
         return motor + (float(joint.push[index]) - joint.spring * position)
 
     def side_at(self, index: int, position: float, velocity: float) -> int:
-        """Return -1 or +1 where the controller asks for more than the motor gives at one sample, else 0."""
+        """Return -1 or +1 where the requested torque exceeds the motor's limit at one sample, else 0."""
         gains = self.gains
         commanded = gains.strength * (gains.kp * (float(self.target[index]) - position) - gains.kd * velocity)
         return 0 if abs(commanded) <= gains.torque_limit else (1 if commanded > 0 else -1)
 
     def rest(self, index: int, position: float) -> int:
-        """Return the first sample after `index` that friction no longer holds, or the number of samples."""
+        """Return the first sample after `index` at which friction no longer holds, or the number of samples."""
         length = FIRST_STRETCH
         while index + 1 < len(self.target):
             ahead = slice(index + 1, index + 1 + length)
@@ -360,7 +359,7 @@ class StickSlip:
         return len(self.target)
 
     def break_away(self, index: int, since: float, position: float) -> tuple[float, int]:
-        """Return when [s after sample `index`] a joint that rests from `since` on breaks away, and in which direction.
+        """Return the time [s after sample `index`] and direction in which a joint at rest from `since` on breaks away.
 
         The direction is 0 if the joint rests until the next sample.
         """
@@ -417,7 +416,7 @@ class StickSlip:
         return state, 0, 0
 
     def _note(self, index: int, begin: float, end: float, sign: int, side: int, piece: int, start: State) -> None:
-        """Keep a phase inside the sample interval after `index`."""
+        """Record a phase inside the sample interval after `index`."""
         if end > begin:
             self.phases.append(Phase(index, index, begin, end, sign, side, piece, start))
 
@@ -458,7 +457,7 @@ class StickSlip:
     def _slide(
         self, index: int, state: State, sign: int, side: int, piece: int, length: int
     ) -> tuple[np.ndarray, int, bool]:
-        """Return the motion ahead, how many of its samples are valid, and whether the next one leaves the piece."""
+        """Return the motion ahead, the number of its valid samples, and whether the next one leaves the piece."""
         regime, _, change, excited, course, free, slow, fast = self.sliding(sign, side, piece)
         end = index + min(length, regime.longest)
         if course is None or free is None:

@@ -1,15 +1,14 @@
 """Derivatives of a simulated motion with respect to the joint's parameters.
 
-Between two events the change s of the angle obeys the joint's own equation, linearised about the motion,
-I s'' + D s' + K s = φ(t), with φ the torque that the parameter's change amounts to. Events move with the parameter:
-where the joint comes to rest s' ends; where it turns round without resting, s' is multiplied by the ratio of the
-accelerations after and before; where it breaks away inside a sample, or friction passes to its next piece, the
-acceleration is continuous and nothing happens, and where friction at rest is more than in motion s' jumps, by the
-acceleration that it breaks away with times the change of that instant. All samples and events together are one banded
-linear system.
+Between two events the change s of the angle obeys the joint's own equation, linearised about the motion, I s'' + D s' +
+K s = φ(t), with φ the torque equivalent to the parameter's change. Events move with the parameter: where the joint
+comes to rest s' ends; where it reverses without resting, s' is multiplied by the ratio of the accelerations after and
+before; where it breaks away inside a sample, or friction passes to its next piece, the acceleration is continuous and
+nothing changes, and where friction at rest is more than in motion s' jumps, by the acceleration of the break-away times
+the change of that instant. All samples and events together are one banded linear system.
 
-This is exact where φ is straight within a step: for Coulomb friction, offset and the start. A φ that bends, −θ'' for
-the inertia, −θ' for viscous friction, is taken as straight between its ends, an error of second order in the step.
+This is exact where φ is straight within a step: for Coulomb friction, offset and the start. A curved φ, −θ'' for the
+inertia, −θ' for viscous friction, is taken as straight between its ends, an error of second order in the step.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from stiction.joints.simulate import Joint, Trajectory, mean_slope
 
 @dataclass(frozen=True)
 class Segments:
-    """A simulated motion cut at every sample and event; pairs are values at the begin and the end of each step.
+    """Simulated motion cut at every sample and event; pairs are values at the begin and the end of each step.
 
     Arrays of shape (num_steps,), pairs of shape (2, num_steps).
     """
@@ -40,7 +39,7 @@ class Segments:
     span: np.ndarray
     """Length of the step [s]."""
     kind: np.ndarray
-    """Steps of the same number are the same linear system over the same span."""
+    """Number of the linear system and span of a step; equal for equal steps."""
     instant: np.ndarray
     """Pair: time in samples."""
     position: np.ndarray
@@ -52,7 +51,7 @@ class Segments:
     target: np.ndarray
     """Pair: a [rad]."""
     load: np.ndarray
-    """Pair: torque that reaches the joint from outside, gravity included [N m]."""
+    """Pair: torque on the joint from outside, gravity included [N m]."""
     samples: np.ndarray
     """Index of the step that begins at each sample, for the last sample the number of steps; shape (num_samples,)."""
 
@@ -65,7 +64,7 @@ def segments(
     trajectory: Trajectory,
     load: np.ndarray | None = None,
 ) -> Segments:
-    """Cut a simulated motion; the arguments are those of `simulate` and what it returned."""
+    """Cut a simulated motion; the arguments are those of `simulate` and its result."""
     first, last, begin, end, sign, side, piece, start = (
         np.array(column) for column in zip(*trajectory.phases, strict=True)
     )
@@ -131,8 +130,8 @@ def _acceleration(joint: Joint, gains: PDGains, cut: Segments) -> np.ndarray:
 def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return the changes of θ and θ' at every sample, shape (2, num_samples, num_changes).
 
-    torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not
-    matter. start: changes of θ and θ' at the first sample, shape (2, num_changes). Raises `StictionError` where the
+    torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; its values at rest are
+    ignored. start: changes of θ and θ' at the first sample, shape (2, num_changes). Raises `StictionError` where the
     changes are not finite: friction over the angle outweighs the inertia in one step.
     """
     moving = (cut.sign != 0).astype(float)
@@ -196,10 +195,10 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
 def _break_away(
     joint: Joint, gains: PDGains, cut: Segments, spring: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the steps at whose end the joint breaks away, and s' after them per s and per φ; shape (num_events,) each.
+    """Return the steps that end with a break-away, and s' after them per s and per φ; shape (num_events,) each.
 
-    spring: slope of gravity [N m/rad]. It breaks away when the pull p reaches the friction at rest: later by
-    δt = (σ (k kp + spring) s − σ φ)/(σ p'), and is slower by q'' δt from then on; σ: the direction it goes.
+    spring: slope of gravity [N m/rad]. The joint breaks away when the pull p reaches the friction at rest: later by δt
+    = (σ (k kp + spring) s − σ φ)/(σ p'), and is slower by q'' δt from then on; σ: its direction.
     """
     places = np.flatnonzero((cut.sign[:-1] == 0) & (cut.sign[1:] != 0))
     direction, starts = cut.sign[places + 1], cut.acceleration[0, places + 1]
@@ -215,9 +214,9 @@ def _break_away(
 
 
 def _responses(stiffness: np.ndarray, damping: np.ndarray, span: np.ndarray, kind: np.ndarray) -> np.ndarray:
-    """Return what q and q' are after each step: per unit of q, of q', of a constant input and of one from 0 to 1.
+    """Return q and q' after each step: per unit of q, of q', of a constant input and of one from 0 to 1.
 
-    Shape (num_steps, 2, 4). The matrix exponential, by Taylor series with squaring, once per different step.
+    Shape (num_steps, 2, 4). The matrix exponential, by Taylor series with squaring, once per distinct step.
     """
     _, chosen, of = np.unique(kind, return_index=True, return_inverse=True)
     stiffness, damping, span = stiffness[chosen], damping[chosen], span[chosen]

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from stiction.core.effects import needs
 from stiction.core.flags import FLAT
-from stiction.core.options import Given, read_given
+from stiction.core.options import ParsedArguments, read_parsed
 from stiction.files.method import installed_methods
 from stiction.learning.config import TrainCfg
 from stiction.learning.presets import PresetName, check_settings, preset
@@ -84,7 +84,7 @@ def parse(arguments: list[str]) -> Train:
     return parse_given(arguments)[0]
 
 
-def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
+def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, ParsedArguments]:
     """Return the options, the configuration with which they began, and what was given. Raises as `parse`."""
     methods = {method.name: method.settings for method in installed_methods() if method.settings is not None}
     kind = _options_with(tuple(methods.items()))
@@ -94,7 +94,7 @@ def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
         name, method = given.get("preset", "full"), given.get("task.friction.method")
         return kind(config=preset(name, given.get("device", "cpu"), method, given.get("engine", "mujoco")))
 
-    options, before, given = read_given(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
+    options, before, given = read_parsed(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
     base = kind() if before is None else before
     if (name := options.config.method.name) in methods:
         options = replace(options, config=replace(options.config, method_settings=getattr(options, name)))

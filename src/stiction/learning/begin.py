@@ -14,7 +14,7 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.files import digest_of
 from stiction.engines.batch import EngineBatch
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.files.bam import load_joints
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.joints.friction import has_coefficient
@@ -31,12 +31,12 @@ from stiction.sim.fleet import Fleet
 from stiction.task.friction import FrictionCfg
 from stiction.task.load_law import load_warnings, take_coefficients
 from stiction.task.randomization import identified_joints
-from stiction.task.task_fleet import Device, find_device, why_on_host
+from stiction.task.task_fleet import Device, find_device, host_reason
 
 
 def why_task_on_host(cfg: TrainCfg) -> str | None:
-    """Return what keeps the task of a training on the host, see `why_on_host`; None where nothing does."""
-    return why_on_host(cfg.task, cfg.actuator is not None)
+    """Return what keeps the task of a training on the host, see `host_reason`; None where nothing does."""
+    return host_reason(cfg.task, cfg.actuator is not None)
 
 
 def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
@@ -47,7 +47,7 @@ def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
     if cfg.engine == "mujoco":
         return find_device(cfg.device, cfg.contacts, gpu, on_host=why_task_on_host(cfg) is not None)
     robot = find_robot(cfg.task.robot)
-    if why := what_is_missing(cfg.engine, robot):
+    if why := missing_engine(cfg.engine, robot):
         raise EngineError(why)
     return Device("cpu", partial(EngineBatch, cfg.engine, robot))
 
@@ -118,7 +118,7 @@ def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | N
 
 def _check_friction(friction: FrictionCfg) -> None:
     """Refuse friction that is asked for and cannot be there."""
-    if friction.has_friction or not friction.asks:
+    if friction.has_friction or not friction.requests_friction:
         return
     if friction.level == 0.0:
         raise ConfigurationError(

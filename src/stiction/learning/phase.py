@@ -122,7 +122,7 @@ class PhaseRunner(OnPolicyRunner):
             env = self.env
             # Robots that all began at once would all be reset in the same step, from then on.
             env.episode_length_buf = torch.randint(
-                0, env.max_episode_length, (env.num_envs,), generator=env.generator, device=env.home
+                0, env.max_episode_length, (env.num_envs,), generator=env.generator, device=env.task_device
             )
         with self.ranks.together():
             if not self.ranks.alone:

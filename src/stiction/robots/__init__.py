@@ -1,1 +1,1 @@
-"""What a robot is, as data; how one is read from files, checked, and built in MuJoCo."""
+"""Robots as data: their files, checks and MuJoCo models."""

@@ -1,8 +1,8 @@
-"""The rigid bodies of a compiled model; links have frames parallel to the base's at angles of zero.
+"""Rigid bodies of a compiled model; the frames of links are parallel to the base's at angles of zero.
 
-Bodies that no driven joint parts are one link: masses add up, inertias by the parallel-axis theorem. MuJoCo's own
-kinematics says where everything is at angles of zero, so that a joint's reference, the frames of the file and nested
-bodies need no formula here.
+Bodies without a driven joint between them are one link: masses add up, inertias by the parallel-axis theorem. MuJoCo's
+kinematics gives all places at angles of zero, so that a joint's reference, the frames of the file and nested bodies
+need no formula here.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from stiction.robots.model import Body, Link
 from stiction.robots.shapes import Contact, Shape, ShapeKind, Vector
 
 MOST_CORNERS = 64
-"""Corners of a hull that stands for a mesh: as many as PhysX takes."""
+"""Maximum corners of a hull that replaces a mesh, as in PhysX."""
 
 
 @dataclass(frozen=True)
 class Part(Link):
-    """One link, or the base, as the file has it; `shapes` has those that are only seen, too."""
+    """Link, or the base, as in the file; `shapes` includes those that are only visible."""
 
     bodies: tuple[int, ...] = ()
-    """Numbers of the bodies that it is made of."""
+    """Numbers of its bodies."""
     tip: str = ""
-    """Name of the body furthest out, which is often the foot."""
+    """Name of its outermost body, which is often the foot."""
     touched: tuple[Shape, ...] = ()
-    """Shapes that touch something in the file."""
+    """Shapes that have contacts in the file."""
     geoms: tuple[int, ...] = ()
     """Numbers of the geometries of `touched`."""
 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The base and the links of a robot, and its joints as numbers in the model."""
+    """Base and links of a robot, and the numbers of its joints in the model."""
 
     base: Part
     links: tuple[Part, ...]
     joints: tuple[int, ...]
-    """Number in the model of the joint that moves each link."""
+    """Number in the model of each link's joint."""
 
 
 def hinges(model: mujoco.MjModel) -> list[int]:
@@ -56,9 +56,9 @@ def hinges(model: mujoco.MjModel) -> list[int]:
 def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
     """Return the links of a model.
 
-    base: name of the body whose frame is the robot's, None: that of the body that floats; origin: the file's name.
+    base: name of the body whose frame is the robot's, None: the floating body; origin: the file's name.
 
-    Raises `RobotError` where a body has two joints, or the base is not rigid with the body that floats.
+    Raises `RobotError` where a body has two joints, or the base is not rigid with the floating body.
     """
     driven = hinges(model)
     moved: dict[int, int] = {}
@@ -87,9 +87,9 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
 
 
 def owners(model: mujoco.MjModel, driven: Sequence[int], root: int | None = None) -> list[int]:
-    """Return the link that each body belongs to: the number of the last hinge that moves it, -1 for the base.
+    """Return the link of each body: the number of the last hinge that moves it, -1 for the base.
 
-    root: the body that floats, all others of the world then have -2; None: the world itself is the base.
+    root: the floating body; all bodies not on it then have -2; None: the world itself is the base.
     """
     last = {int(model.jnt_bodyid[joint]): number for number, joint in enumerate(driven)}
     owner = [-1 if root is None else -2]
@@ -99,7 +99,7 @@ def owners(model: mujoco.MjModel, driven: Sequence[int], root: int | None = None
 
 
 def at_zero(model: mujoco.MjModel) -> mujoco.MjData:
-    """Return where everything is with hinges at zero, all else at its reference, and a floating base at the origin."""
+    """Return the pose with hinges at zero, all else at its reference, and a floating base at the origin."""
     data = mujoco.MjData(model)
     for joint in range(model.njnt):
         address = int(model.jnt_qposadr[joint])
@@ -114,7 +114,8 @@ def at_zero(model: mujoco.MjModel) -> mujoco.MjData:
 def tree(
     model: mujoco.MjModel, data: mujoco.MjData, driven: Sequence[int], owner: Sequence[int], frame: Frame
 ) -> list[Link]:
-    """Return the links that hinges move, without shapes, in frames parallel to one of the world; data: see `at_zero`.
+    """Return the tree of links that hinges move, without shapes, in frames parallel to the world's; data: see
+    `at_zero`.
 
     A body with several hinges is a chain of links, of which only the last has its mass.
     """
@@ -141,7 +142,7 @@ def _anchors(data: mujoco.MjData, driven: Sequence[int], frame: Frame) -> list[n
 
 
 def _rigid(model: mujoco.MjModel, data: mujoco.MjData, owner: Sequence[int], number: int, frame: Frame) -> Body:
-    """Return the bodies of one owner as one, without shapes, in a frame of the world."""
+    """Return the bodies of one owner merged, without shapes, in a frame of the world."""
     place, turn = frame
     parts = []
     for body in np.flatnonzero(np.equal(owner, number)):
@@ -167,7 +168,7 @@ def _named_base(model: mujoco.MjModel, name: str, owner: Sequence[int], origin: 
 
 
 def as_vector(values: Sequence[float] | np.ndarray) -> Vector:
-    """Return three numbers, those that are nothing but rounding as zero."""
+    """Return three numbers, with rounding errors set to zero."""
     x, y, z = (0.0 if abs(value) < 1e-12 else float(value) for value in values)
     return x, y, z
 
@@ -175,7 +176,7 @@ def as_vector(values: Sequence[float] | np.ndarray) -> Vector:
 def _part(
     model: mujoco.MjModel, data: mujoco.MjData, owner: Sequence[int], number: int, frame: Frame, link: Link
 ) -> Part:
-    """Return a link, or the base (-1), with its shapes and its tip; frame: its own, in the world."""
+    """Return a link, or the base (-1), with its shapes and its tip; frame: its frame in the world."""
     bodies = np.flatnonzero(np.equal(owner, number)).tolist()
     geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
     # Some files leave the bits to the program that loads them, and only the names say what is to touch.
@@ -184,8 +185,8 @@ def _part(
         for geom in geoms
         if model.geom_contype[geom] or model.geom_conaffinity[geom] or "collision" in model.geom(geom).name
     ]
-    found = {geom: _shape(model, data, geom, frame) for geom in geoms}
-    shapes = {geom: shape for geom, shape in found.items() if shape is not None}
+    shape_of = {geom: _shape(model, data, geom, frame) for geom in geoms}
+    shapes = {geom: shape for geom, shape in shape_of.items() if shape is not None}
     shaped = [body for body in bodies if model.body_geomnum[body]] or bodies
     outermost = max(shaped, key=lambda body: _depth(model, body))
     return Part(
@@ -198,7 +199,7 @@ def _part(
 
 
 def _depth(model: mujoco.MjModel, body: int) -> int:
-    """Return how many bodies carry one."""
+    """Return the depth of a body in the tree."""
     return 1 + _depth(model, int(model.body_parentid[body])) if body else 0
 
 
@@ -241,8 +242,8 @@ def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: Frame) 
 def hull(points: np.ndarray) -> tuple[Vector, ...]:
     """Return at most `MOST_CORNERS` corners of the convex hull of points, shape (count, 3).
 
-    The corners kept are those that reach furthest along directions spread evenly over the sphere; the hull shrinks by
-    what lies between them, and never at the points that reach furthest down.
+    The corners are those that reach furthest along directions spread evenly over the sphere; the hull shrinks between
+    them, never at the points that reach furthest down.
     """
     points = np.asarray(points, float)
     try:
@@ -262,7 +263,7 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
 
 
 DIRECTIONS = 120
-"""Directions in which the corners of a shape are looked for."""
+"""Number of directions in which corners of a shape are searched."""
 
 
 def _directions() -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Finds a robot: a shipped one by its name, a file beside you by its path, one in Python as `package.module:ROBOT`."""
+"""Lookup of robots: a shipped one by its name, a file by its path, one in Python as `package.module:ROBOT`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from stiction.robots.model import Robot
 from stiction.robots.record import Derived, read_robot
 
 SHIPPED = Path(__file__).with_name("shipped")
-"""Folder of the records of the robots that come with the package."""
+"""Folder of the records of the shipped robots."""
 
 VARIATIONS = ("kp", "torque", "action")
-"""What `NAME@...` can multiply: gains, torque limits, the angle per unit of action."""
+"""Quantities that `NAME@...` can multiply: gains, torque limits, the angle per unit of action."""
 
 FILES = (".yaml", ".yml", ".xml", ".urdf", ".json")
-"""Endings of files that describe a robot."""
+"""Suffixes of files that describe a robot."""
 
 
 @cache
@@ -43,34 +43,36 @@ def find_robot(name: str) -> Robot:
     the Python path.
 
     `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
-    and its torque limits doubled; `action=2` doubles the angle per unit of action. What an experiment varies is still
-    one word in every file.
+    and its torque limits doubled; `action=2` doubles the angle per unit of action. A variation is thus one word in
+    every file.
 
-    Raises `StictionError` where there is no such robot, or the variation is none.
+    Raises `StictionError` for an unknown robot or an invalid variation.
     """
     return find_derived(name).robot
 
 
 def find_derived(name: str) -> Derived:
     """Return the robot called `name` as `find_robot`, with the origins of its values; a shipped one has none."""
-    plain, variation = _parted(name)
-    found = _find(plain)
-    return found if variation is None else Derived(vary(found.robot, name, variation))
+    plain, variation = _split_variation(name)
+    derived = _find(plain)
+    return derived if variation is None else Derived(vary(derived.robot, name, variation))
 
 
-def _parted(name: str) -> tuple[str, str | None]:
-    """Return a robot's name, and its variation; None: it has none, though its path may have an @, as of a user."""
+def _split_variation(name: str) -> tuple[str, str | None]:
+    """Return a robot's name and its variation; None without one, though its path may have an @, for example of a
+    user.
+    """
     plain, at, variation = name.rpartition("@")
     return (plain, variation) if at and not is_file_name(name) else (name, None)
 
 
 def is_file_name(name: str) -> bool:
-    """Return whether a robot's name is that of a file which describes one."""
+    """Return whether a robot's name is the name of a file that describes one."""
     return name.lower().endswith(FILES)
 
 
 def find_mechanism(name: str) -> Mechanism:
-    """Return what is called `name` with its base held: an arm on its table, or a legged robot on a stand.
+    """Return the robot called `name` with its base held: an arm on its table, or a legged robot on a stand.
 
     name: as of `find_robot`; a MuJoCo or URDF file, or a `robot.yaml`, need not be of a legged robot. Raises
     `StictionError` as that does.
@@ -83,39 +85,41 @@ def find_mechanism(name: str) -> Mechanism:
 
 
 def is_shipped(name: str) -> bool:
-    """Return whether a robot, varied or not, comes with the package: its name alone finds it anywhere."""
-    return _parted(name)[0] in robot_names()
+    """Return whether a robot, varied or not, is shipped, so that its name suffices anywhere."""
+    return _split_variation(name)[0] in robot_names()
 
 
 def robot_in_file(name: str, where: str, how: str) -> str:
-    """Return the name of a robot that a file says: of a shipped one, or the path of a file that describes one.
+    """Return the name of a robot in a file: of a shipped one, or the path of a file that describes one.
 
-    where: the file, for messages; how: the user says it himself, such as `give it with --robot`. Raises `RobotError`
-    for `package.module:ROBOT`: finding such a robot runs that module, so it is typed and never read from a file.
+    where: the file, for messages; how: remedy, such as `give it with --robot`. Raises `RobotError` for
+    `package.module:ROBOT`: finding such a robot runs that module, so it is typed and never read from a file.
     """
-    if not isinstance(name, str) or (not is_shipped(name) and not is_file_name(_parted(name)[0])):
-        raise RobotError(f"{where}: the robot {name!r} is neither shipped nor a file; a file runs no module: {how}")
+    if not isinstance(name, str) or (not is_shipped(name) and not is_file_name(_split_variation(name)[0])):
+        raise RobotError(
+            f"{where}: the robot {name!r} is neither shipped nor a file, and a file may not run a module; {how}"
+        )
     return name
 
 
 def vary(robot: Robot, name: str, variation: str) -> Robot:
-    """Return a robot called `name` with its joints varied as `kp=0.5,torque=2` says."""
+    """Return a robot called `name` with its joints varied as in `kp=0.5,torque=2`."""
     factors: dict[str, float] = {}
     for part in variation.split(","):
         key, _, value = part.partition("=")
         number = re.fullmatch(r"[0-9]*\.?[0-9]+", value) is not None and 0.01 <= float(value) <= 100
         if key not in VARIATIONS or key in factors or not number:
             raise RobotError(
-                f"robot {name!r}: {part!r} is no variation; expected {', '.join(VARIATIONS[:-1])} or {VARIATIONS[-1]}, "
-                "each at most once, with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
+                f"robot {name!r}: {part!r} is not a variation; expected {', '.join(VARIATIONS[:-1])} or "
+                f"{VARIATIONS[-1]}, each at most once, factor 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
             )
         factors[key] = float(value)
     gain, torque, action = (factors.get(key, 1.0) for key in VARIATIONS)
     return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=torque, action_scale=action)
 
 
-def _is_there(name: str, kind: Callable[[Path], bool]) -> bool:
-    """Return whether there is a folder, or a file, of that name; what is too long for one names none."""
+def _exists(name: str, kind: Callable[[Path], bool]) -> bool:
+    """Return whether a folder or file of that name exists; False for a name that is too long."""
     try:
         return kind(Path(name))
     except OSError:
@@ -125,7 +129,7 @@ def _is_there(name: str, kind: Callable[[Path], bool]) -> bool:
 def _find(name: str) -> Derived:
     """Return the robot called `name`, without variations.
 
-    Raises `StictionError` where there is no such robot.
+    Raises `StictionError` for an unknown robot.
     """
     if name.lower().endswith(".json"):
         return Derived(read_robot(Path(name)))
@@ -133,21 +137,21 @@ def _find(name: str) -> Derived:
         from stiction.robots.load import load_robot
 
         return load_robot(Path(name))
-    if name not in robot_names() and name and _is_there(name, Path.is_dir):
+    if name not in robot_names() and name and _exists(name, Path.is_dir):
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
-    if not variable and "." in name and _is_there(name, Path.is_file):
+    if not variable and "." in name and _exists(name, Path.is_file):
         raise RobotError(f"robot {name!r}: expected a robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file")
     if not variable and "." not in name:
         if name not in robot_names():
             message = unknown_name("robot", name, robot_names())
             raise RobotError(
-                f"{message}; one of your own: the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
+                f"{message}; for another robot give the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
             )
         return Derived(_shipped(name))
-    found = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
-    if isinstance(found, Robot):
-        return Derived(found)
+    target = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
+    if isinstance(target, Robot):
+        return Derived(target)
     from stiction.robots.load import as_robot
 
-    return as_robot(found, name)
+    return as_robot(target, name)

@@ -1,7 +1,7 @@
-"""Checks a robot before it is simulated, trained or trusted, and says for each finding the line that mends it.
+"""Checks of a robot before it is simulated or trained, with a remedy for each finding.
 
-Most robots that fail here fail later too, and then look like a bad policy: a mass that was lost, a limit in degrees, an
-armature nobody knows, a pose that it cannot hold.
+Most robots that fail here fail later too, and then look like a bad policy: a lost mass, a limit in degrees, an unknown
+armature, a pose that it cannot hold.
 """
 
 from __future__ import annotations
@@ -21,56 +21,55 @@ from stiction.robots.model import FALLEN_UP, WIDEST, Body, Robot, too_low
 from stiction.robots.shapes import reach
 
 State = Literal["good", "note", "bad"]
-"""`note`: to be known; `bad`: to be mended before the robot is used."""
+"""`note`: for information; `bad`: to be corrected before the robot is used."""
 
 GRAVITY_SHARE = 0.6
-"""Largest share of a torque limit that holding the pose may take: the rest is for walking."""
+"""Maximum share of a torque limit that holding the pose takes: the rest is for walking."""
 
 STANDING_TIME = 3.0
-"""How long the robot has to stand under its gains [s]."""
+"""Time that the robot must stand under its gains [s]."""
 
 SUNK = 0.01
-"""Depth under the ground from which on a link other than a foot lies on it [m]: contacts give way by less."""
+"""Depth below the ground at which a link other than a foot lies on it [m]: contacts yield less."""
 
 NARROWEST = 0.1
-"""Where most ranges are narrower than this, they were hardly meant in degrees [rad]."""
+"""Range below which, if most ranges are, the file was hardly meant in degrees [rad]."""
 
 HIGHEST = 10.0
-"""Height of the base, and distance of a joint from the one before it, above which no robot is expected [m]."""
+"""Maximum height of the base, and distance of two successive joints [m]."""
 
 SHORTEST = 0.1
-"""Height of a base under which motors are not judged by it [m]."""
+"""Minimum height of a base by which motors are judged [m]."""
 
 STRONGEST = 10.0
-"""Torque limit, over the robot's weight times its standing height, above which no motor is expected; known: 0.2 to 0.9
-[1]."""
+"""Maximum torque limit, over the robot's weight times its standing height; known: 0.2 to 0.9 [1]."""
 
 STIFFEST = 100.0
-"""kp over the torque limit above which no gain is expected; known: 0.1 to 4 [1/rad]."""
+"""Maximum kp over the torque limit; known: 0.1 to 4 [1/rad]."""
 
 UNITS = {"torque_limit": "N m", "armature": "kg m²", "kp": "N m/rad", "frictionloss": "N m"}
 """Field of a joint -> its unit."""
 
 LIGHTEST, HEAVIEST = 0.5, 1000.0
-"""Masses of robots between which nothing is suspected [kg]."""
+"""Range of plausible masses of robots [kg]."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found."""
+    """Result of one check."""
 
     check: str
     state: State
     text: str
-    """What was found."""
+    """Observation."""
     mend: str = ""
-    """The line that mends it, mostly of `robot.yaml`."""
+    """Remedy: the line to add, mostly to `robot.yaml`."""
 
 
 def check_robot(robot: Robot) -> tuple[Finding, ...]:
-    """Return what all checks found, in their order; the robot can be used where none is `bad`.
+    """Return the results of all checks, in their order; the robot can be used where none is `bad`.
 
-    What cannot be simulated is not: with impossible masses the checks that stand the robot up are left out.
+    Impossible masses cannot be simulated, so the checks in which the robot stands are then skipped.
     """
     findings = [
         finding
@@ -107,13 +106,13 @@ def _size(robot: Robot) -> Iterator[Finding]:
         yield Finding(
             "size", "bad",
             f"the base stands {robot.standing_height:.4g} m above the ground, {far.name} is {away:.4g} m from the link "
-            "before it; are lengths in millimetres, or the feet others?",
+            "before it; are lengths in millimetres, or the feet wrong?",
             "feet: [...], base: NAME, or give the lengths of the file in metres",
         )  # fmt: skip
 
 
 def _inertias(robot: Robot) -> Iterator[Finding]:
-    """Check that inertias are those of bodies, and of the size of their links."""
+    """Check that inertias are physical and fit the size of their links."""
     named: list[tuple[str, Body]] = [("base", robot.base), *((link.name, link) for link in robot.links)]
     wrong = []
     for name, body in named:
@@ -163,29 +162,29 @@ def _limits(robot: Robot) -> Iterator[Finding]:
 
 
 def _motors(robot: Robot) -> Iterator[Finding]:
-    """Check that torque limits, armatures, gains and friction are of the size of motors."""
+    """Check that torque limits, armatures, gains and friction are plausible for motors."""
     armature, limit = robot.joint_values("armature"), robot.joint_values("torque_limit")
     kp, kd = robot.joint_values("kp"), robot.joint_values("kd")
     # Where the feet are none, `_size` says so, and no height may be divided by.
     friction, height = robot.joint_values("frictionloss"), max(robot.standing_height, SHORTEST)
     strength, turned = limit / (robot.weight * height), armature / (robot.mass * height**2)
     bad = [
-        *_odd(
+        *_first_outlier(
             robot, "bad", strength > STRONGEST, "torque_limit",
             lambda n: f"has a torque limit of {limit[n]:.3g} N m, {strength[n]:.0f} times the robot's weight at its "
             "height; is it in N m?",
         ),
-        *_odd(
+        *_first_outlier(
             robot, "bad", turned > 1, "armature",
             lambda n: f"has an armature of {armature[n]:.3g} kg m², {turned[n]:.3g} times the whole robot's inertia "
             "about its feet; is it in kg m²?",
         ),
-        *_odd(
+        *_first_outlier(
             robot, "bad", kp > STIFFEST * limit, "kp",
             lambda n: f"asks for its {limit[n]:.3g} N m at an error of {limit[n] / kp[n]:.2g} rad, kp {kp[n]:.3g}; "
             "is it in N m/rad?",
         ),
-        *_odd(
+        *_first_outlier(
             robot, "bad", friction >= limit, "frictionloss",
             lambda n: f"has a friction of {friction[n]:.3g} N m and a motor of {limit[n]:.3g} N m: it never moves",
         ),
@@ -195,12 +194,12 @@ def _motors(robot: Robot) -> Iterator[Finding]:
         yield from bad
         return
     frequency, ratio = np.sqrt(kp / armature) / (2 * np.pi), kd / (2 * np.sqrt(kp * armature))
-    yield from _odd(
+    yield from _first_outlier(
         robot, "note", frequency > 100.0, "armature",
         lambda n: f"alone would swing at {frequency[n]:.3g} Hz under its kp; armature {armature[n]:.3g} kg m² is small "
         "for it",
     )  # fmt: skip
-    yield from _odd(
+    yield from _first_outlier(
         robot, "note", kp * 1.0 < 0.1 * limit, "kp",
         lambda n: f"asks at an error of 1 rad for {kp[n]:.3g} of {limit[n]:.3g} N m; it is soft",
     )  # fmt: skip
@@ -211,8 +210,10 @@ def _motors(robot: Robot) -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _odd(robot: Robot, state: State, wrong: np.ndarray, field: str, text: Callable[[int], str]) -> Iterator[Finding]:
-    """Yield a finding of the first joint that is `wrong`, shape (num_joints,); text: what is odd, by its number."""
+def _first_outlier(
+    robot: Robot, state: State, wrong: np.ndarray, field: str, text: Callable[[int], str]
+) -> Iterator[Finding]:
+    """Yield a finding of the first joint that is `wrong`, shape (num_joints,); text: message by its number."""
     for number in np.flatnonzero(wrong)[:1]:
         joint, more = robot.joint_names[number], int(wrong.sum()) - 1
         named = f"{joint} (and {more} more)" if more else joint
@@ -221,12 +222,12 @@ def _odd(robot: Robot, state: State, wrong: np.ndarray, field: str, text: Callab
 
 
 def _span(values: np.ndarray) -> str:
-    """Return the smallest and the largest of values."""
+    """Return the range of values as text."""
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
 def standing_torques(robot: Robot) -> np.ndarray:
-    """Return the torques that hold the pose on flat ground, each foot carrying its share [N m], shape (num_joints,).
+    """Return the torques that hold the pose on flat ground, each foot with its share [N m], shape (num_joints,).
 
     The feet push up with the least-squares forces that carry the weight and balance about the centre of mass.
     """
@@ -249,7 +250,7 @@ def standing_torques(robot: Robot) -> np.ndarray:
 
 
 def _gravity(robot: Robot) -> Iterator[Finding]:
-    """Check what holding the pose takes."""
+    """Check the torques that hold the pose."""
     share = np.abs(standing_torques(robot)) / robot.joint_values("torque_limit")
     worst = int(np.argmax(share))
     name = robot.joint_names[worst]
@@ -266,7 +267,7 @@ def _gravity(robot: Robot) -> Iterator[Finding]:
 
 
 def _feet(robot: Robot) -> Iterator[Finding]:
-    """Check that there are feet to stand on, and their groups."""
+    """Check that the robot has feet to stand on, and their groups."""
     groups = robot.groups()
     words = (
         "no contact groups"
@@ -299,7 +300,7 @@ def _mirror(robot: Robot) -> Iterator[Finding]:
 
 
 def _order(robot: Robot) -> Iterator[Finding]:
-    """Say the order of the joints, and of the maker's."""
+    """Report the order of the joints, and of the maker's."""
     yield Finding("order", "good", f"joints: {', '.join(robot.joint_names)}")
     if robot.held:
         yield Finding(
@@ -309,7 +310,7 @@ def _order(robot: Robot) -> Iterator[Finding]:
         yield Finding(
             "order",
             "note",
-            "the maker's order, signs and offsets are not said",
+            "the maker's order, signs and offsets are unknown",
             "vendor: {order: [...], sign: {...}, offset: {...}}",
         )
 
@@ -340,9 +341,10 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         f"after {STANDING_TIME:g} s under its gains the base is at {height:.3g} m of {robot.standing_height:.3g} m, "
         f"leaning {np.degrees(np.arccos(np.clip(up, -1, 1))):.2g}°"
     )
-    grounds = _base_touches(model, data), *_below_ground(robot, model, data)
+    pairs = [{int(model.geom_bodyid[geom]) for geom in contact.geom} for contact in data.contact]
+    lying = ["base"] if {0, model.body("base").id} in pairs else []
+    lying += [name for name in _below_ground(robot, model, data) if name]
     fallen = up < FALLEN_UP or too_low(np.array(height), robot.standing_height)
-    lying = [name for name in grounds if name]
     if (fallen or lying) and len(robot.feet) <= 2:
         # As an inverted pendulum it needs more than m g h from its ankles, which no walking robot's gains have.
         yield Finding("stands", "note", f"it balances only under a policy: {text}")
@@ -355,16 +357,10 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         yield Finding("stands", "good", text)
 
 
-def _base_touches(model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    """Return `base` where the base lies on the ground, else nothing."""
-    pairs = [{int(model.geom_bodyid[geom]) for geom in contact.geom} for contact in data.contact]
-    return "base" if {0, model.body("base").id} in pairs else ""
-
-
 def _below_ground(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:
-    """Return link -> depth under the ground [m], of those that would lie on it: by the joint that moves it, or a shape.
+    """Return link -> depth below the ground [m], of links that would lie on it: by their joint, or a shape.
 
-    Only feet and trunk touch the ground in simulation; a link that carries a foot may end beside it.
+    Only feet and trunk touch the ground in simulation; a link that carries a foot may end next to it.
     """
     sunk = {}
     carriers = {foot.link for foot in robot.feet}

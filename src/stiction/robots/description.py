@@ -27,8 +27,8 @@ from stiction.robots.model import Robot, Vendor
 TAKE = Values(RobotError)
 
 MOST_REPETITIONS = 4
-"""Of `*`, `+`, `?` and `{}`, and of groups, in one regular expression: its time grows with the length of the name to
-this power."""
+"""Maximum of `*`, `+`, `?` and `{}`, and of groups, in one regular expression: its time grows with the length of the
+name to this power."""
 
 JOINT_FIELDS = {
     "torque_limit": "largest torque at the joint [N m]",
@@ -43,7 +43,7 @@ JOINT_FIELDS = {
     "kind": "what the joint is in every leg alike",
     "action": "false: the policy does not move it, it is held in the pose",
 }
-"""What can be said of a joint, and what it means."""
+"""Settings of a joint, and their meaning."""
 
 FIELDS = {
     "model": "the robot's MuJoCo (.xml) or URDF (.urdf) file, beside this one",
@@ -59,12 +59,12 @@ FIELDS = {
     "gait_period": "time of one stride [s], of which a clock tells the policy: what a biped wants",
     "vendor": "order: joints in the maker's order; sign: expression -> +1 or -1; offset: expression -> angle [rad]",
 }
-"""What can be said of a robot, and what it means."""
+"""Settings of a robot, and their meaning."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """What a `robot.yaml` says; everything may be missing but `model`, and that too where a file was named."""
+    """Contents of a `robot.yaml`; everything but `model` is optional, and that too where a file is named."""
 
     model: str | None = None
     name: str | None = None
@@ -75,26 +75,26 @@ class Description:
     feet: tuple[str, ...] = ()
     groups: tuple[tuple[str, ...], ...] = ()
     mirror: Mapping[str, str] | None = None
-    """None: not said; empty: the robot has none."""
+    """None: not stated; empty: no mirror."""
     collision: str = "feet"
     gait_period: float | None = None
     vendor: Mapping[str, Any] = field(default_factory=dict)
     source: str = "robot.yaml"
-    """Where it was said, for messages."""
+    """Source of the values, for messages."""
 
     def of_joint(self, joint: str, name: str) -> Any:
-        """Return what is said of one field of a joint; None where nothing is."""
+        """Return one field of a joint, or None."""
         return next(
             (entry[name] for pattern, entry in self.joints.items() if name in entry and re.fullmatch(pattern, joint)),
             None,
         )
 
     def angle(self, joint: str) -> float | None:
-        """Return what is said of a joint's angle in the standing pose [rad]; None where nothing is."""
+        """Return a joint's angle in the standing pose [rad], or None."""
         return first_match(self.pose, joint)
 
     def vendor_of(self, joints: tuple[str, ...]) -> Vendor | None:
-        """Return the maker's protocol of these joints; None where nothing is said of it.
+        """Return the maker's protocol of these joints, or None.
 
         Raises `RobotError` where the order does not name each joint once.
         """
@@ -109,35 +109,35 @@ class Description:
         sign, offset = self.vendor.get("sign", {}), self.vendor.get("offset", {})
         return Vendor(
             order,
-            tuple(1.0 if (found := first_match(sign, name)) is None else found for name in order),
+            tuple(1.0 if (number := first_match(sign, name)) is None else number for name in order),
             tuple(first_match(offset, name) or 0.0 for name in order),
         )
 
 
 def first_match(entries: Mapping[str, float], name: str) -> float | None:
-    """Return the value of the first expression that matches a whole name; None where none does."""
+    """Return the value of the first expression that matches a whole name, or None."""
     return next((value for pattern, value in entries.items() if re.fullmatch(pattern, name)), None)
 
 
 def read_description(path: Path) -> Description:
-    """Return what a `robot.yaml` says.
+    """Return the contents of a `robot.yaml`.
 
-    Raises `RobotError` naming the entry that is wrong.
+    Raises `RobotError` naming the invalid entry.
     """
     return describe(read_yaml(path, "a robot.yaml", RobotError), str(path))
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """Return a robot's file, and the model that it names where it is a `robot.yaml`. Errors: `read_description`."""
+    """Return a robot's file, and the model that a `robot.yaml` names. Errors: `read_description`."""
     if path.suffix.lower() in (".xml", ".urdf", ".json"):
         return (path,)
     return path, path.parent / (read_description(path).model or "")
 
 
 def describe(content: Any, source: str) -> Description:
-    """Return the description that a mapping holds, as YAML gives it; `source`: where it came from, for messages.
+    """Return the description in a mapping, as YAML gives it; `source`: its origin, for messages.
 
-    Raises `RobotError` naming the entry that is wrong.
+    Raises `RobotError` naming the invalid entry.
     """
     entries = TAKE.mapping(content, f"{source}: the file")
     for name in entries:
@@ -172,9 +172,9 @@ def describe(content: Any, source: str) -> Description:
 
 
 def check_pattern(pattern: str, source: str) -> str:
-    """Return a regular expression that is one, and that is quick on every name.
+    """Return a valid regular expression that is fast on every name.
 
-    Raises `RobotError` where it is none, or where it could be slow: time is exponential where what is repeated repeats.
+    Raises `RobotError` for an invalid one, or one that could be slow: nested repetitions take exponential time.
     """
     # What is escaped or in a set is one character, and repeats nothing.
     plain = re.sub(r"\\.|\[(?:\\.|[^\]\\])*\]", "x", pattern)
@@ -188,16 +188,16 @@ def check_pattern(pattern: str, source: str) -> str:
     try:
         re.compile(pattern)
     except re.error as error:
-        raise RobotError(f"{source}: {pattern!r} is no regular expression: {error}") from error
+        raise RobotError(f"{source}: {pattern!r} is not a regular expression: {error}") from error
     return pattern
 
 
 def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
-    """Return what is said of joints, by expression."""
-    found: dict[str, dict[str, Any]] = {}
+    """Return the settings of joints, by expression."""
+    settings: dict[str, dict[str, Any]] = {}
     for pattern, entry in TAKE.mapping(value, f"{source}: joints").items():
         where = f"joints: {pattern}"
-        entries = found[check_pattern(pattern, source)] = dict(TAKE.mapping(entry, f"{source}: {where}"))
+        entries = settings[check_pattern(pattern, source)] = dict(TAKE.mapping(entry, f"{source}: {where}"))
         for name, item in entries.items():
             if name not in JOINT_FIELDS:
                 raise RobotError(f"{source}: {where}: {unknown_name('field', name, JOINT_FIELDS)}")
@@ -208,11 +208,11 @@ def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
                 entries[name] = TAKE.word(item, f"{source}: {where}: kind")
             else:
                 entries[name] = TAKE.number(item, f"{source}: {where}: {name}")
-    return found
+    return settings
 
 
 def _mirror(value: Any, source: str) -> dict[str, str] | None:
-    """Return what is said of the mirror."""
+    """Return the mirror."""
     if value is None or value == "none":
         return None if value is None else {}
     pairs = {
@@ -223,20 +223,20 @@ def _mirror(value: Any, source: str) -> dict[str, str] | None:
 
 
 def _vendor(value: Any, source: str) -> dict[str, Any]:
-    """Return what is said of the maker's protocol."""
+    """Return the maker's protocol."""
     entries = TAKE.mapping(value, f"{source}: vendor")
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for name, item in entries.items():
         if name == "order":
-            found[name] = TAKE.names(item, f"{source}: vendor.order")
+            settings[name] = TAKE.names(item, f"{source}: vendor.order")
         elif name in ("sign", "offset"):
-            found[name] = _by_name(item, f"vendor.{name}", source)
+            settings[name] = _by_name(item, f"vendor.{name}", source)
         else:
             raise RobotError(f"{source}: vendor: {unknown_name('field', name, ('order', 'sign', 'offset'))}")
-    for pattern, number in found.get("sign", {}).items():
+    for pattern, number in settings.get("sign", {}).items():
         if abs(number) != 1:
             raise RobotError(f"{source}: vendor.sign: {pattern} is {number:g}; expected 1 or -1")
-    return found
+    return settings
 
 
 def _by_name(value: Any, where: str, source: str) -> dict[str, float]:
@@ -246,7 +246,7 @@ def _by_name(value: Any, where: str, source: str) -> dict[str, float]:
 
 
 def complete_text(robot: Robot, model: str) -> str:
-    """Return the `robot.yaml` that says everything of a robot; `model`: path of its file, as seen from beside it."""
+    """Return the complete `robot.yaml` of a robot; `model`: path of its file, relative to it."""
     joints = {
         re.escape(joint.name).replace("\\-", "-"): {
             name: _rounded(getattr(joint, name)) for name in JOINT_FIELDS if name != "action"
@@ -292,5 +292,5 @@ def _yaml(content: Mapping[str, Any]) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """Return a number as a person writes it: with seven digits."""
+    """Return a number with seven digits."""
     return float(f"{value:.7g}") if isinstance(value, float) else value

@@ -1,7 +1,8 @@
-"""Holds joints rigid: links that no driven joint parts become one, at the angles at which the robot holds them. NumPy.
+"""Joints held rigid: links without a driven joint between them become one, at the angles at which the robot holds them.
+NumPy.
 
 A humanoid's arms are held while its legs walk. Masses add up and inertias follow by the parallel-axis theorem; frames
-that a held joint turned become parallel to the base's again, as every frame is where all driven joints are at zero.
+turned by a held joint become parallel to the base's again, as every frame is where all driven joints are at zero.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Frame = tuple[np.ndarray, np.ndarray]
 def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
     """Return a robot whose joints of these names are rigid at these angles [rad].
 
-    Raises `RobotError` where there is no such joint, none would be left, or a foot would be part of the base.
+    Raises `RobotError` for an unknown joint, or where no joint would be left, or a foot would be part of the base.
     """
     for name in angles:
         if name not in robot.joint_names:
@@ -38,8 +39,8 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
         owner.append(driven.index(number) if number in driven else above)
     frames = {-1: np.zeros(3)} | {new: position[old] for new, old in enumerate(driven)}
 
-    def parts(new: int, own: Sequence[Body]) -> list[tuple[Body, Frame]]:
-        rigid: list[tuple[Body, Frame]] = [(body, (np.zeros(3), np.eye(3))) for body in own]
+    def parts(new: int, bodies: Sequence[Body]) -> list[tuple[Body, Frame]]:
+        rigid: list[tuple[Body, Frame]] = [(body, (np.zeros(3), np.eye(3))) for body in bodies]
         return rigid + [
             (link, (position[old] - frames[new], rotation[old]))
             for old, link in enumerate(robot.links)
@@ -78,7 +79,7 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
 
 
 def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
-    """Return bodies that are one, each with the place of its frame in the frame of all."""
+    """Return several bodies merged, each with the place of its frame in the common frame."""
     mass = sum(body.mass for body, _ in parts)
     centres = [position + rotation @ np.array(body.com) for body, (position, rotation) in parts]
     com = (
@@ -100,7 +101,7 @@ def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
 
 
 def _moved(shape: Shape, frame: Frame) -> Shape:
-    """Return a shape of one frame in another."""
+    """Return a shape transformed into another frame."""
     position, rotation = frame
     if np.array_equal(rotation, np.eye(3)) and not position.any():
         return shape

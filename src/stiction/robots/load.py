@@ -1,7 +1,7 @@
-"""Loads a robot from its files, or from a function that makes its model. The way to MuJoCo from a robot's name.
+"""Robots loaded from their files, or from a function that makes their model.
 
-A mechanism may be an arm as it is: bolted to the world, with a pedestal or without. A base that floats in the file is
-held upright; what is no hinge (the slides of a gripper) is rigid at its reference, and said so.
+A mechanism may be an arm: bolted to the world, with a pedestal or without. A floating base is held upright; joints
+other than hinges (the slides of a gripper) are rigid at their reference, with a note.
 """
 
 from __future__ import annotations
@@ -25,13 +25,16 @@ from stiction.robots.source import compile_source, one_line, read_source, read_s
 from stiction.robots.survey import place_of
 
 LOOPS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-"""Constraints that make more of a tree."""
+"""Types of constraints that close loops or couple joints."""
+
+RIGID = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
+"""Types of joints that count as rigid."""
 
 
 def load_robot(path: Path) -> Derived:
-    """Return the robot of a `robot.yaml`, a MuJoCo or a URDF file, and where each of its values came from.
+    """Return the robot of a `robot.yaml`, a MuJoCo or a URDF file, and the origin of each of its values.
 
-    Raises `RobotError` where the file is none, or does not say enough.
+    Raises `RobotError` for an invalid file, or a missing value.
     """
     if path.is_dir():
         raise RobotError(f"robot {str(path)!r} is a folder; name the robot.yaml, .xml or .urdf in it")
@@ -39,8 +42,8 @@ def load_robot(path: Path) -> Derived:
         raise RobotError(f"robot {str(path)!r}: there is no such file{near_file(path)}")
     if path.suffix.lower() in (".xml", ".urdf"):
         return derive(read_source(path), Description(source="a robot.yaml"))
-    model, said = described_model(path)
-    return derive(read_source(model), said)
+    model, description = described_model(path)
+    return derive(read_source(model), description)
 
 
 def load_mechanism(path: Path) -> Mechanism:
@@ -48,9 +51,9 @@ def load_mechanism(path: Path) -> Mechanism:
 
     Raises `RobotError` where it cannot be read, or as `mechanism_of`.
     """
-    said = Description(source="a robot.yaml")
+    description = Description(source="a robot.yaml")
     if path.suffix.lower() in (".yaml", ".yml"):
-        path, said = described_model(path)
+        path, description = described_model(path)
     if path.suffix not in (".xml", ".urdf") or not path.is_file():
         raise RobotError(f"robot {str(path)!r}: there is no such .xml or .urdf file")
     spec, notes = read_spec(path)
@@ -58,13 +61,13 @@ def load_mechanism(path: Path) -> Mechanism:
         model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{path}: MuJoCo cannot compile it: {one_line(error)}{place_of(path, str(error))}") from error
-    return mechanism_of(model, path.stem, said, notes)
+    return mechanism_of(model, path.stem, description, notes)
 
 
-def mechanism_of(model: mujoco.MjModel, name: str, said: Description, notes: tuple[str, ...]) -> Mechanism:
-    """Return the mechanism of a compiled model; `said`: what a `robot.yaml` says of its joints and its pose.
+def mechanism_of(model: mujoco.MjModel, name: str, description: Description, notes: tuple[str, ...]) -> Mechanism:
+    """Return the mechanism of a compiled model; `description`: its joints and its pose in a `robot.yaml`.
 
-    Raises `RobotError` where it has no hinge, closes loops, or a link that moves has no mass at all.
+    Raises `RobotError` where it has no hinge, closes loops, or a moving link has no mass.
     """
     driven = hinges(model)
     if not driven:
@@ -82,26 +85,27 @@ def mechanism_of(model: mujoco.MjModel, name: str, said: Description, notes: tup
     if weightless:
         raise RobotError(f"{name}: nothing behind the joint {names[weightless[0]]!r} has a mass; give it an inertia")
     limits = [
-        said.of_joint(text, "torque_limit") or torque_limit(model, joint)[0] for text, joint in zip(names, driven)
+        description.of_joint(text, "torque_limit") or torque_limit(model, joint)[0]
+        for text, joint in zip(names, driven)
     ]
-    rotors = [said.of_joint(text, "armature") for text in names]
+    rotors = [description.of_joint(text, "armature") for text in names]
     return Mechanism(
-        name=said.name or name,
+        name=description.name or name,
         links=links,
         joint_names=names,
         armature=tuple(
-            armature(model, joint) if given is None else float(given) for joint, given in zip(driven, rotors)
+            armature(model, joint) if value is None else float(value) for joint, value in zip(driven, rotors)
         ),
         torque_limit=tuple(float(limit) if limit and np.isfinite(limit) else None for limit in limits),
-        rest=tuple(said.angle(text) or 0.0 for text in names),
+        rest=tuple(description.angle(text) or 0.0 for text in names),
         gravity=as_vector(model.opt.gravity),
-        rigid=_others(model),
+        rigid=tuple(model.joint(joint).name for joint in range(model.njnt) if int(model.jnt_type[joint]) in RIGID),
         notes=notes,
     )
 
 
 def _check_base(model: mujoco.MjModel, driven: list[int], owner: list[int], name: str) -> None:
-    """Refuse hinges on more than one floating body: how their bases stand to each other is not in the file."""
+    """Reject hinges on more than one floating body: the relative pose of their bases is not in the file."""
     floating = set()
     for joint in driven:
         body = int(model.jnt_bodyid[joint])
@@ -117,7 +121,7 @@ def _check_base(model: mujoco.MjModel, driven: list[int], owner: list[int], name
 
 
 def _carried_mass(links: tuple[Link, ...], number: int) -> float:
-    """Return the mass of a link and of all that it carries [kg]."""
+    """Return the mass of a link and of all links that it carries [kg]."""
     carried = {number}
     for index in range(number + 1, len(links)):
         if links[index].parent in carried:
@@ -125,36 +129,30 @@ def _carried_mass(links: tuple[Link, ...], number: int) -> float:
     return sum(links[index].mass for index in carried)
 
 
-def _others(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names of joints that are taken to be rigid."""
-    kinds = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
-    return tuple(model.joint(joint).name for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds)
-
-
 def described_model(path: Path) -> tuple[Path, Description]:
-    """Return the file of the model that a `robot.yaml` names, and what it says of it. Errors: `load_robot`."""
-    said = read_description(path)
-    if said.model is None:
-        raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")
-    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", said.model):
+    """Return the file of the model that a `robot.yaml` names, and its description. Errors: `load_robot`."""
+    description = read_description(path)
+    if description.model is None:
+        raise RobotError(f"{path}: has no model; expected model: ROBOT.xml or ROBOT.urdf, in the same folder")
+    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", description.model):
         raise RobotError(
-            f"{path}: model {said.model!r} names code; a file runs none: name {said.model} itself as the robot, or "
-            "have it write its model to a file"
+            f"{path}: model {description.model!r} is code, which no file may run; give {description.model} as the "
+            "robot, or write its model to a file"
         )
-    model = path.parent / said.model
+    model = path.parent / description.model
     if model.suffix.lower() not in (".xml", ".urdf") or not model.is_file():
-        raise RobotError(f"{path}: model {said.model!r}: there is no such .xml or .urdf file in {path.parent}")
-    return model, said
+        raise RobotError(f"{path}: model {description.model!r}: there is no such .xml or .urdf file in {path.parent}")
+    return model, description
 
 
-def as_robot(found: object, name: str) -> Derived:
-    """Return the robot that a function of a module returns or describes; `name`: of it, for messages.
+def as_robot(candidate: object, name: str) -> Derived:
+    """Return the robot that a function of a module returns or describes; `name`: for messages.
 
-    Raises `RobotError` where it is no such function, or fails.
+    Raises `RobotError` where it is not such a function, or fails.
     """
-    if callable(found) and not isinstance(found, type):
+    if callable(candidate) and not isinstance(candidate, type):
         try:
-            spec = found()
+            spec = candidate()
         # The function is the user's: whatever it raises is told in one line.
         except Exception as error:
             raise RobotError(f"robot {name!r}: its function fails: {type(error).__name__}: {error}") from error

@@ -1,8 +1,7 @@
-"""Links on a base that stands still, as data: an arm on its table, a robot on a stand with its legs in the air. NumPy.
+"""Links on a fixed base, as data: an arm on its table, a robot on a stand with its legs in the air. NumPy.
 
 Frames are those of `model`: at joint angles of zero every link's is parallel to the base's, its origin on the axis of
-its joint. A `Robot` is a mechanism once somebody holds its base; an arm has no feet and no standing height, and is no
-`Robot`.
+its joint. A `Robot` with a held base is a mechanism; an arm has no feet and no standing height, so it is not a `Robot`.
 """
 
 from __future__ import annotations
@@ -18,28 +17,28 @@ from stiction.robots.shapes import Vector
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A tree of J links, each moved by one hinge, on a base that does not move."""
+    """Tree of J links, each moved by one hinge, on a base that does not move."""
 
     name: str
     links: tuple[Link, ...]
-    """Parents before those that they carry."""
+    """Links, parents first."""
     joint_names: tuple[str, ...]
-    """Of the joint that moves each link."""
+    """Name of each link's joint."""
     armature: tuple[float, ...]
-    """Rotor inertia that the model states [kg m²], 0 where it states none."""
+    """Rotor inertia in the model [kg m²], 0 where it has none."""
     torque_limit: tuple[float | None, ...]
-    """Largest torque of each motor, where the model states it [N m]."""
+    """Torque limit of each motor, where the model has one [N m]."""
     rest: tuple[float, ...]
-    """Angle at which a joint is taken to be held that no log has [rad]."""
+    """Angle at which a joint without a log counts as held [rad]."""
     gravity: Vector = (0.0, 0.0, -GRAVITY)
-    """Acceleration of fall in the base's frame [m/s²]."""
+    """Acceleration of gravity in the base's frame [m/s²]."""
     rigid: tuple[str, ...] = ()
-    """Joints of the file that are no hinges (a gripper's slides), taken to be rigid at their reference."""
+    """Joints of the file other than hinges (a gripper's slides), rigid at their reference."""
     notes: tuple[str, ...] = ()
-    """What was left out or taken to be so, a sentence each."""
+    """Omissions and assumptions, a sentence each."""
 
     def __post_init__(self) -> None:
-        """Refuse joints without names of their own, which no log could be matched with."""
+        """Reject joints without unique names, which could not be matched with a log."""
         if not self.joint_names or len(set(self.joint_names)) != len(self.joint_names) or "" in self.joint_names:
             raise RobotError(
                 f"robot {self.name!r}: joints {list(self.joint_names)}; expected at least one, each with a name of "
@@ -58,7 +57,7 @@ class Mechanism:
     def with_up(self, up: Vector) -> Mechanism:
         """Return the mechanism with its base turned: `up` is the direction up in the base's frame, of any length.
 
-        Raises `RobotError` where that is no direction.
+        Raises `RobotError` for a vector that is not a direction.
         """
         length = float(np.linalg.norm(up))
         if not (np.isfinite(length) and length > 0):
@@ -68,7 +67,7 @@ class Mechanism:
 
 
 def on_a_stand(robot: Robot) -> Mechanism:
-    """Return a robot whose base is held upright; joints that no log has are taken to stand as in its standing pose."""
+    """Return a robot whose base is held upright; joints without a log stand as in its standing pose."""
     return Mechanism(
         name=robot.name,
         links=robot.links,

@@ -1,7 +1,7 @@
-"""Finds the files of a robot's meshes, and leaves out those that are only seen and cannot be had or decoded.
+"""Files of a robot's meshes; visual meshes that are missing or cannot be decoded are left out.
 
-What a robot weighs or stands on is never left out: a body whose mass comes from a mesh that is not there is refused
-here, a foot without a shape where feet are derived.
+Nothing that affects mass or contact is left out: a body with its mass from a missing mesh is refused here, a foot
+without a shape where feet are derived.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ import mujoco
 from stiction.core.errors import RobotError
 
 MOST_BYTES = 1024 * 2**20
-"""Size of all meshes together."""
+"""Maximum size of all meshes together [B]."""
 
 MESHES = (".stl", ".obj", ".msh")
-"""What MuJoCo decodes."""
+"""Formats that MuJoCo decodes."""
 
 MOST_FILES = 20_000
-"""Files of a package among which a mesh is looked for by its name."""
+"""Maximum number of files of a package in which a mesh is searched by name."""
 
 
-def mend_meshes(spec: mujoco.MjSpec, path: Path, urdf: bool) -> tuple[str, ...]:
-    """Find the files of all meshes; leave out those that are only drawn and are missing.
+def resolve_meshes(spec: mujoco.MjSpec, path: Path, urdf: bool) -> tuple[str, ...]:
+    """Find the files of all meshes; leave out missing ones that are only drawn.
 
-    Returns what was left out, or found where the file does not say. Raises `RobotError` naming a mesh that a body's
-    mass comes from, and that is missing or cannot be decoded.
+    Returns notes on meshes left out, or found elsewhere. Raises `RobotError` naming a mesh that a body's mass comes
+    from, and that is missing or cannot be decoded.
     """
     notes, total, nearby = [], 0, _Nearby(path.parent)
     for mesh in list(spec.meshes):
         if not mesh.file:
             continue
-        found = next(filter(_is_file, _candidates(mesh.file, path.parent, spec.meshdir)), None)
-        if found is None and (found := nearby.find(mesh.file)) is not None:
-            notes.append(f"the mesh {mesh.file!r} is not there; {str(found)!r} is taken, which has its name")
-        if found is not None and found.suffix.lower() in MESHES:
-            total += found.stat().st_size
-            mesh.file = str(found.resolve())
+        file = next(filter(_is_file, _candidates(mesh.file, path.parent, spec.meshdir)), None)
+        if file is None and (file := nearby.find(mesh.file)) is not None:
+            notes.append(f"the mesh {mesh.file!r} is missing; using {str(file)!r}, which has its name")
+        if file is not None and file.suffix.lower() in MESHES:
+            total += file.stat().st_size
+            mesh.file = str(file.resolve())
             continue
-        why = "is not there" if found is None else f"cannot be decoded (expected one of {', '.join(MESHES)})"
+        why = "is not there" if file is None else f"cannot be decoded (expected one of {', '.join(MESHES)})"
         notes.append(_leave_out(spec, mesh, why, str(path), urdf))
     spec.meshdir = ""
     if total > MOST_BYTES:
@@ -51,7 +51,7 @@ def mend_meshes(spec: mujoco.MjSpec, path: Path, urdf: bool) -> tuple[str, ...]:
 
 
 def drop_broken_meshes(spec: mujoco.MjSpec, where: str) -> tuple[str, ...]:
-    """Leave out the meshes that MuJoCo cannot compile by themselves, and return what was; `where`: the robot's file.
+    """Leave out the meshes that MuJoCo cannot compile by themselves, with a note each; `where`: the robot's file.
 
     Raises `RobotError` naming one that a body's mass comes from.
     """
@@ -72,13 +72,13 @@ def drop_broken_meshes(spec: mujoco.MjSpec, where: str) -> tuple[str, ...]:
         try:
             alone.compile()
         except (ValueError, RuntimeError) as error:
-            said = " ".join(str(error).removeprefix("Error: ").split("Element name")[0].split())
-            notes.append(_leave_out(spec, mesh, f"cannot be decoded ({said})", where, urdf))
+            message = " ".join(str(error).removeprefix("Error: ").split("Element name")[0].split())
+            notes.append(_leave_out(spec, mesh, f"cannot be decoded ({message})", where, urdf))
     return tuple(notes)
 
 
 def _leave_out(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, why: str, where: str, urdf: bool) -> str:
-    """Take a mesh and the geometries that are made of it out of a robot; return the sentence that says so."""
+    """Remove a mesh and its geometries from a robot; return the note on it."""
     name = PurePosixPath(mesh.file).name or mesh.name
     users = [geom for geom in spec.geoms if geom.meshname == mesh.name]
     heavy = (
@@ -105,7 +105,7 @@ def _is_file(path: Path) -> bool:
 
 
 class _Nearby:
-    """The files in a robot's folder, and in a package's around it, by their names."""
+    """Files in a robot's folder, and in the package around it, by their names."""
 
     def __init__(self, folder: Path) -> None:
         around = [parent for parent in (folder.parent, folder.parent.parent) if (parent / "meshes").is_dir()]
@@ -113,33 +113,33 @@ class _Nearby:
 
     @cached_property
     def _files(self) -> dict[str, list[Path]]:
-        """All files by their names in small letters, nearest root first; looked for once."""
-        found: dict[str, list[Path]] = defaultdict(list)
+        """Files by their names in small letters, nearest root first; listed once."""
+        files: dict[str, list[Path]] = defaultdict(list)
         for root in self._roots:
             for number, file in enumerate(root.rglob("*")):
                 if number > MOST_FILES:
                     break
-                if file.suffix and file not in found[file.name.lower()]:
-                    found[file.name.lower()].append(file)
-        return found
+                if file.suffix and file not in files[file.name.lower()]:
+                    files[file.name.lower()].append(file)
+        return files
 
     def find(self, name: str) -> Path | None:
-        """Return the file of the same name in the most of the same folders; None where there is none.
+        """Return the file of the same name with the most folders in common, or None.
 
-        `package://dog/meshes/foot.stl` is rather `dog/meshes/foot.stl` than the foot of the cat beside it.
+        `package://dog/meshes/foot.stl` is rather `dog/meshes/foot.stl` than `cat/meshes/foot.stl`.
         """
         wanted = [part.lower() for part in PurePosixPath(name.replace("\\", "/")).parts]
 
         def alike(file: Path) -> int:
             pairs = zip(reversed(wanted), (part.lower() for part in reversed(file.absolute().parts)), strict=False)
-            return next((number for number, (one, other) in enumerate(pairs) if one != other), len(wanted))
+            return next((number for number, (word, other) in enumerate(pairs) if word != other), len(wanted))
 
         files = [file for file in self._files.get(wanted[-1], []) if _is_file(file)] if wanted else []
         return max(files, key=alike, default=None)
 
 
 def _candidates(name: str, folder: Path, meshdir: str) -> Iterator[Path]:
-    """Yield where a mesh should be by its name."""
+    """Yield the places of a mesh by its name."""
     if "://" in name:
         package, _, inside = name.split("://", 1)[1].partition("/")
         for parent in (folder, *folder.parents[:4]):

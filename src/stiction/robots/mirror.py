@@ -1,14 +1,14 @@
-"""The left-right mirror of a robot: which joint and foot is whose image, and which angles change their sign. NumPy.
+"""Left-right mirror of a robot: pairs of joints and feet, and the angles that change their sign. NumPy.
 
-A reflection in the plane x-z of the base turns a position (x, y, z) into (x, -y, z) and the axis of a rotation
-(x, y, z) into (-x, y, -z). Joint j is the mirror image of joint i where it sits at i's reflected place, on the mirror
-image of i's parent, and its axis is i's reflected axis, or the opposite of it. Then the mirrored robot has
+A reflection in the plane x-z of the base turns a position (x, y, z) into (x, -y, z) and the axis of a rotation (x, y,
+z) into (-x, y, -z). Joint j is the mirror image of joint i if it sits at i's reflected place, on the mirror image of
+i's parent, and its axis is i's reflected axis, or the opposite of it. Then the mirrored robot has
 
-    q'_j = s q_i,   s = 1 where the axes agree, -1 where they are opposite,
+  q'_j = s q_i,   s = 1 where the axes agree, -1 where they are opposite,
 
-and the same for velocities, torques, targets and every other signed value of a joint; friction, inertia and whatever
-else has no sign is exchanged alone. The map is found in the links, never from names, and a robot whose image is another
-robot has none. Machines are built symmetric and measured with tolerances; `TOLERANCE` says how far an image may be off.
+and the same for velocities, torques, targets and every other signed value of a joint; friction, inertia and other
+values without a sign are only exchanged. The map follows from the links, never from names, and a robot whose image is
+another robot has none. Machines are built symmetric and measured with tolerances, hence `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ from stiction.core.errors import RobotError, StictionError
 from stiction.robots.model import Link, Robot
 
 POSITION = np.array([1.0, -1.0, 1.0])
-"""What the reflection does to positions, velocities and forces."""
+"""Factors of the reflection for positions, velocities and forces."""
 
 ROTATION = np.array([-1.0, 1.0, -1.0])
-"""What it does to axes, rates of turn and torques."""
+"""Factors of the reflection for axes, angular velocities and torques."""
 
 UNSIGNED = ("torque_limit", "kp", "kd", "action_scale")
-"""Fields of `Joint` that a joint shares with its mirror image. What differs from motor to motor of one machine, rotor
-and friction, may differ: a policy copes with it as with a worn joint."""
+"""Fields of `Joint` that a joint shares with its mirror image. Rotor and friction, which differ from motor to motor of
+one machine, may differ: a policy copes with them as with a worn joint."""
 
 TOLERANCE = {
     **{"place": 2e-3, "axis": 2e-3, "mass": 0.05, "com": 0.02, "inertia": 0.2, "value": 0.01},
     **{"angle": 0.02, "limit": 0.1},
 }
-"""How far an image may be off: places and centres of mass [m], axes [-], mass, inertia and values of `UNSIGNED` as
-shares, angles of the pose and limits [rad]. Gains that follow from inertias have the rounding of these."""
+"""Tolerance of an image: places and centres of mass [m], axes [-], mass, inertia and values of `UNSIGNED` as shares,
+angles of the pose and limits [rad]. Gains that follow from inertias have the rounding of these."""
 
 
 @dataclass(frozen=True)
 class RobotMirror:
-    """The mirrored robot's value i is `sign[i]` times the robot's value `joints[i]`; doing it twice changes nothing."""
+    """Mirror map: the mirrored robot's value i is `sign[i]` times the robot's value `joints[i]`; twice is the
+    identity.
+    """
 
     joints: np.ndarray
     """Number of the joint that joint i mirrors, shape (joints,)."""
@@ -70,8 +72,8 @@ def robot_mirror(robot: Robot) -> RobotMirror:
 def mirrored_kinds(robot: Robot, mirror: RobotMirror) -> np.ndarray:
     """Return the number of the kind that each kind of joint mirrors, shape (kinds,), in the order of `joint_kinds`.
 
-    A kind that both sides have is its own image; `left_hip` is that of `right_hip`. Raises `RobotError` naming a kind
-    whose joints are not mirrored by those of one kind.
+    A kind on both sides is its own image; `left_hip` is that of `right_hip`. Raises `RobotError` naming a kind whose
+    joints mirror joints of several kinds.
     """
     kinds, image = np.array([joint.kind for joint in robot.joints]), []
     for kind in robot.joint_kinds:
@@ -87,13 +89,12 @@ def mirrored_kinds(robot: Robot, mirror: RobotMirror) -> np.ndarray:
 
 
 def match_links(
-    tree: Sequence[Link], names: Sequence[str], said: Sequence[str] | None = None
+    tree: Sequence[Link], names: Sequence[str], images: Sequence[str] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return each joint's mirror image, shape (joints,), and the sign of its angle, shape (joints,).
 
-    tree: the links, each after its parent; names: of their joints; said: the name of each joint's image, where somebody
-    knows. Raises `StictionError` naming a joint whose place, axis, parent, mass, centre of mass or inertia has no
-    counterpart.
+    tree: the links, each after its parent; names: of their joints; images: the name of each joint's image, if known.
+    Raises `StictionError` naming a joint whose place, axis, parent, mass, centre of mass or inertia has no counterpart.
     """
     # Frames are parallel at angles of zero, so that places are sums.
     place = np.zeros((len(tree), 3))
@@ -102,26 +103,26 @@ def match_links(
     for number, link in enumerate(tree):
         place[number] = np.array(link.origin) + (place[link.parent] if link.parent >= 0 else 0.0)
     for number, link in enumerate(tree):
-        there = np.abs(place - POSITION * place[number]).max(axis=1) < TOLERANCE["place"]
-        candidates = [other for other in np.flatnonzero(there).tolist() if tree[other].parent == image[link.parent]]
-        if said is not None:
-            candidates = [other for other in candidates if names[other] == said[number]]
-        found = [(other, _agree(link, tree[other])) for other in candidates]
-        found = [(other, agreement) for other, agreement in found if agreement]
-        if len(found) != 1:
+        near = np.abs(place - POSITION * place[number]).max(axis=1) < TOLERANCE["place"]
+        candidates = [other for other in np.flatnonzero(near).tolist() if tree[other].parent == image[link.parent]]
+        if images is not None:
+            candidates = [other for other in candidates if names[other] == images[number]]
+        matches = [(other, _agree(link, tree[other])) for other in candidates]
+        matches = [(other, agreement) for other, agreement in matches if agreement]
+        if len(matches) != 1:
             raise RobotError(
                 f"joint {names[number]!r} at {place[number].round(4).tolist()} m, axis "
-                f"{np.round(link.axis, 4).tolist()}: {len(found)} joints"
-                + (f" named {said[number]!r}" if said is not None else "")
+                f"{np.round(link.axis, 4).tolist()}: {len(matches)} joints"
+                + (f" named {images[number]!r}" if images is not None else "")
                 + f" are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and a link of "
                 "mirrored mass, centre and inertia; expected one"
             )
-        image[number], sign[number] = found[0]
+        image[number], sign[number] = matches[0]
     return image[:-1], sign
 
 
 def _agree(link: Link, other: Link) -> float:
-    """Return the sign of the angle where `other` is the mirror image of `link`, 0 where it is none."""
+    """Return the sign of the angle where `other` is the mirror image of `link`, else 0."""
     reflected = np.outer(POSITION, POSITION) * link.inertia_matrix
     size = np.trace(link.inertia_matrix)
     same = (
@@ -156,7 +157,7 @@ def _check_values(robot: Robot, image: np.ndarray, sign: np.ndarray) -> None:
 
 
 def _match_feet(robot: Robot, image: np.ndarray) -> np.ndarray:
-    """Return each foot's mirror image, shape (feet,): the foot on the link that mirrors its own.
+    """Return each foot's mirror image, shape (feet,): the foot on the link that mirrors its link.
 
     Raises `StictionError` where a foot has none, or the contact groups of the gait are neither exchanged nor kept.
     """

@@ -1,8 +1,8 @@
-"""From a `Robot` to a MuJoCo model.
+"""MuJoCo model of a `Robot`.
 
 Every joint has a `position` actuator of the same name, in the order of `Robot.joint_names`; every foot has a touch
 sensor (normal force, N). On request every joint also has a force and a torque sensor, after those of the feet. Dry
-friction is the solver's `frictionloss`, set stiff enough to hold, or a slider (see `robots.physics`).
+friction is the solver's `frictionloss`, stiff enough to hold, or a slider (see `robots.physics`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from stiction.robots.physics import EXACT, LEAST_LS_ITERATIONS, SMALLEST_YIELD, 
 from stiction.robots.shapes import Shape, Vector, bounds
 
 STONES: tuple[Vector, Vector] = ((0.80, 0.81, 0.77), (0.72, 0.74, 0.70))
-"""Colors of the boxes of a course, in turn."""
+"""Alternating colors of the boxes of a course."""
 
 PLAIN: Vector = (0.62, 0.66, 0.70)
-"""Color of a shape that has none."""
+"""Default color of a shape."""
 
 SOLVERS = {"newton": mujoco.mjtSolver.mjSOL_NEWTON, "pgs": mujoco.mjtSolver.mjSOL_PGS}
 """MuJoCo's solvers by the names of `PhysicsCfg`."""
@@ -37,7 +37,7 @@ GROUND, OBSTACLE = 1, 2
 """Collision bits: feet and trunk touch the plane, obstacles and each other, shanks obstacles alone, thighs nothing."""
 
 CONTACT = {"ground": (GROUND, GROUND), "obstacles": (OBSTACLE, 0), "nothing": (0, 0)}
-"""Bits of MuJoCo's `contype` and `conaffinity` by what a shape touches."""
+"""Bits of MuJoCo's `contype` and `conaffinity` by the contact of a shape."""
 
 
 def build(
@@ -49,9 +49,8 @@ def build(
 ) -> mujoco.MjSpec:
     """Return the robot on the ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
 
-    `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until somebody
-    places them; `joint_sensors`: measure what every joint transmits, see `_add_joint_sensors`; `physics`: of dry
-    friction.
+    `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until they are
+    placed; `joint_sensors`: measure the load of every joint, see `_add_joint_sensors`; `physics`: of dry friction.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -95,7 +94,7 @@ def build_model(
 
 
 def standing_inertia(model: mujoco.MjModel) -> np.ndarray:
-    """Return the inertia matrix of a model that `build` made, in its standing pose, shape (nv, nv)."""
+    """Return the inertia matrix of a model from `build`, in its standing pose, shape (nv, nv)."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
@@ -105,7 +104,7 @@ def standing_inertia(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _mass(body: Body) -> dict[str, Any]:
-    """Return mass, centre and inertia as fields of `MjsBody`; principal axes along the frame's stay what they are."""
+    """Return mass, centre and inertia as fields of `MjsBody`; principal axes along the frame's stay unchanged."""
     fields: dict[str, Any] = {"mass": body.mass, "ipos": body.com, "explicitinertial": True}
     if any(body.inertia[3:]):
         return fields | {"fullinertia": body.inertia}
@@ -113,7 +112,7 @@ def _mass(body: Body) -> dict[str, Any]:
 
 
 def _friction(joint: Joint, timestep: float, physics: PhysicsCfg) -> dict[str, Any]:
-    """Return what makes a joint's dry friction, as fields of `MjsJoint`."""
+    """Return a joint's dry friction as fields of `MjsJoint`."""
     rows: dict[str, Any] = dict(
         zip(("solref_friction", "solimp_friction"), friction_row(timestep, physics.impedance), strict=True)
     )
@@ -174,7 +173,7 @@ def foot_geometries(robot: Robot) -> list[str]:
 
 
 def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
-    """Add what touches the ground of one foot, and its sensor."""
+    """Add the contact shapes of one foot, and its sensor."""
     for name, shape in zip(foot.geometry_names, foot.shapes, strict=True):
         # By priority a foot's friction holds, whatever the ground's is; without it MuJoCo takes the larger of the two.
         _add_shape(spec, link, shape, name, priority=1, friction=[1.0, 0.005, 0.0001])
@@ -232,10 +231,10 @@ def _add_scene(spec: mujoco.MjSpec) -> None:
 
 
 def _add_obstacles(spec: mujoco.MjSpec, half_sizes: np.ndarray) -> None:
-    """Add boxes that each simulation puts where it wants.
+    """Add boxes that each simulation places.
 
-    MuJoCo sorts the boxes of a body into a tree when it compiles, which knows nothing of later places: it is left out.
-    And it takes a box that is not turned when it compiles for one that never is: these are, about z.
+    MuJoCo sorts the boxes of a body into a tree when it compiles, which ignores later places: it is left out. A box
+    that is not turned when it compiles counts as one that never is, so these are turned, about z.
     """
     for number, half in enumerate(half_sizes):
         spec.worldbody.add_geom(

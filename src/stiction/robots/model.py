@@ -1,10 +1,10 @@
-"""What a legged robot is, as data: links, joints, feet, limits, gains, pose. NumPy alone.
+"""Legged robot as data: links, joints, feet, limits, gains, pose. NumPy alone.
 
-Everything that is built or derived (the MuJoCo model, PhysX, ODE, Webots, the mirror, the contract) is built from this
-data, wherever it came from: boxes (`boxes`), a MuJoCo or URDF file with a `robot.yaml` (`load`), or Python.
+Everything that is built or derived (the MuJoCo model, PhysX, ODE, Webots, the mirror, the contract) comes from this
+data, whatever its source: boxes (`boxes`), a MuJoCo or URDF file with a `robot.yaml` (`load`), or Python.
 
 Frames. At joint angles of zero every frame of a link is parallel to the base's: x forward, y left, z up. The frame of a
-link has its origin on the axis of the joint that moves it. So the axis and the zero pose of a joint are what they are
+link has its origin on the axis of the joint that moves it. The axis and the zero pose of a joint are therefore the same
 on the base, and no orientation is stored.
 """
 
@@ -26,10 +26,10 @@ TRUNK_LENGTH = 0.70
 """Length of the trunk of the paper's robot, to which its table of randomisation refers [m]."""
 
 LARGEST = 1e9
-"""Numbers of a robot are smaller, in every unit; a larger one is a slip, or made to overflow."""
+"""Bound of the numbers of a robot, in every unit; a larger one is an error, or made to overflow."""
 
 DELAY_SAMPLES = 8
-"""Room for delayed controls in every robot's model, in physics steps."""
+"""Physics steps of delayed controls for which every robot's model has room."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Body:
     com: Vector
     """Centre of mass [m]."""
     inertia: tuple[float, float, float, float, float, float]
-    """About the centre of mass, along the frame's axes: xx, yy, zz, xy, xz, yz [kg m²]."""
+    """Inertia about the centre of mass, along the frame's axes: xx, yy, zz, xy, xz, yz [kg m²]."""
     shapes: tuple[Shape, ...] = field(default=(), repr=False)
 
     @property
@@ -77,42 +77,42 @@ class Body:
 
 @dataclass(frozen=True)
 class Base(Body):
-    """The trunk, which floats. Its frame is the robot's."""
+    """Floating trunk. Its frame is the robot's."""
 
     size: Vector = (0.0, 0.0, 0.0)
-    """Full extent of the box that stands for it in contact [m]."""
+    """Full extent of its contact box [m]."""
     center: Vector = (0.0, 0.0, 0.0)
     """Middle of that box [m]."""
 
 
 @dataclass(frozen=True)
 class Link(Body):
-    """A body that one joint moves; link i is moved by joint i."""
+    """Body moved by one joint; link i is moved by joint i."""
 
     name: str = ""
     parent: int = -1
-    """Number of the link that carries it, smaller than its own; -1 for the base."""
+    """Number of the link that carries it, smaller than its number; -1 for the base."""
     origin: Vector = (0.0, 0.0, 0.0)
-    """Where the joint is, in the parent's frame [m]."""
+    """Place of the joint in the parent's frame [m]."""
     axis: Vector = (0.0, 0.0, 1.0)
-    """Axis of the joint, of unit length: the angle grows with the right-hand rule about it."""
+    """Axis of the joint, of unit length: the angle increases by the right-hand rule about it."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One driven joint."""
+    """Driven joint."""
 
     name: str
     kind: str
-    """What it is in every leg alike: `hip`, `knee`; friction and rewards are given for a kind."""
+    """Kind, the same in every leg: `hip`, `knee`; friction and rewards are set per kind."""
     torque_limit: float
-    """Largest torque of the motor, at the joint [N m]."""
+    """Torque limit of the motor, at the joint [N m]."""
     armature: float
     """Inertia of the rotor reflected to the joint, I [kg m²]."""
     damping: float
     """Viscous friction, B [N m s/rad]."""
     frictionloss: float
-    """Dry (Coulomb) friction, b_c [N m]: what was measured; the level in training overrides it."""
+    """Dry (Coulomb) friction, b_c [N m], as measured; the level in training overrides it."""
     kp: float
     """Proportional gain of the joint controller [N m/rad]."""
     kd: float
@@ -128,56 +128,56 @@ class Joint:
 
 
 WIDEST = 4 * np.pi
-"""A range of a joint wider than this was hardly meant in radians [rad]."""
+"""Maximum range of a joint that is plausible in radians [rad]."""
 
 
 @dataclass(frozen=True)
 class HeldJoint:
-    """A joint that no policy moves: it is rigid here, and held at this angle on the robot."""
+    """Joint that no policy moves: rigid here, and held at this angle on the robot."""
 
     name: str
     position: float
     """[rad]."""
     axis: Vector
-    """Its axis in the base's frame, at angles of zero of all joints that are driven."""
+    """Axis in the base's frame, at angles of zero of all driven joints."""
 
 
 @dataclass(frozen=True)
 class Foot:
-    """Where a robot touches the ground: all shapes of one link that belong to the foot."""
+    """Foot of a robot: all contact shapes of one link that belong to it."""
 
     name: str
     link: int
-    """Number of the link that carries it."""
+    """Number of its link."""
     position: Vector
-    """Its middle, in the link's frame [m]."""
+    """Middle in the link's frame [m]."""
     radius: float
-    """How far the ground is under that middle when it stands [m]."""
+    """Height of that middle above the ground in the standing pose [m]."""
     shapes: tuple[Shape, ...] = field(repr=False)
     group: int | None = None
-    """Contact group of the tripod or trot, 0 or 1, C^G of the paper; None where there are none."""
+    """Contact group of the tripod or trot, 0 or 1, C^G of the paper; None without groups."""
 
     @property
     def geometry_names(self) -> list[str]:
-        """Names of its shapes in the simulated model; the first has the foot's."""
+        """Names of its shapes in the simulated model; the first has the foot's name."""
         return [f"{self.name}{number}" if number else self.name for number in range(len(self.shapes))]
 
     @property
     def is_ball(self) -> bool:
-        """Whether it touches the ground with one sphere: in a point, without a moment."""
+        """True if it is one sphere, which touches the ground in a point, without a moment."""
         return len(self.shapes) == 1 and self.shapes[0].kind == "sphere"
 
 
 GAIT_PERIODS = (0.2, 3.0)
-"""Shortest and longest time of one stride [s]."""
+"""Shortest and longest period of one stride [s]."""
 
 
 @dataclass(frozen=True)
 class Vendor:
-    """The maker's protocol: which of its numbers is which joint, and what it calls zero and positive."""
+    """Maker's protocol: the order of its joints, and its signs and zeros."""
 
     order: tuple[str, ...]
-    """Names of our joints, held ones too, in the order of the maker."""
+    """Names of the joints, held ones too, in the order of the maker."""
     sign: tuple[float, ...]
     """+1 or -1 each: maker's angle = sign · angle + offset."""
     offset: tuple[float, ...]
@@ -197,7 +197,7 @@ class Vendor:
 
 @dataclass(frozen=True)
 class Robot:
-    """A legged robot. Joints, and with them links, are in the order of actions and observations."""
+    """Legged robot. Joints, and with them links, are in the order of actions and observations."""
 
     name: str
     """Identifier, as in file names: `saturn_lite`."""
@@ -210,12 +210,12 @@ class Robot:
     held: tuple[HeldJoint, ...] = ()
     vendor: Vendor | None = None
     mirror_names: tuple[str, ...] | None = None
-    """For each joint the name of its left-right image, where somebody said so; else it is found (`mirror`)."""
+    """Name of each joint's left-right image, if stated; otherwise derived (`mirror`)."""
     gait_period: float | None = None
     """Period of the gait clock, one stride, whose phase the policy observes [s]; None without a clock."""
 
     def __post_init__(self) -> None:
-        """Refuse a robot that could not be built."""
+        """Reject a robot that cannot be built."""
         names = self.joint_names
         if not names or len(set(names)) != len(names) or len(self.links) != len(names):
             raise RobotError(
@@ -277,7 +277,7 @@ class Robot:
 
     @cached_property
     def joint_kinds(self) -> tuple[str, ...]:
-        """Kinds of joints that there are, in the order of their first joint."""
+        """Kinds of its joints, in the order of their first joint."""
         return tuple(dict.fromkeys(joint.kind for joint in self.joints))
 
     @property
@@ -308,16 +308,16 @@ class Robot:
     def joints_of(self, kind: str) -> np.ndarray:
         """Return the numbers of the joints of one kind, shape (count,).
 
-        Raises `RobotError` where there is no such kind.
+        Raises `RobotError` for an unknown kind.
         """
-        found = np.flatnonzero([joint.kind == kind for joint in self.joints])
-        if not len(found):
+        numbers = np.flatnonzero([joint.kind == kind for joint in self.joints])
+        if not len(numbers):
             raise RobotError(f"robot {self.name!r}: {unknown_name('kind of joint', kind, self.joint_kinds)}")
-        return found
+        return numbers
 
     @property
     def sideways_joints(self) -> tuple[int, ...]:
-        """Numbers of the joints that move a leg sideways or turn it: their axes do not lie across the base."""
+        """Numbers of the joints that move a leg sideways or turn it: their axes are not across the base."""
         return tuple(number for number, link in enumerate(self.links) if abs(link.axis[1]) < 0.7)
 
     @property
@@ -327,7 +327,7 @@ class Robot:
         return float(scales[0]) if (scales == scales[0]).all() else scales
 
     def groups(self) -> np.ndarray | None:
-        """Return the contact group of each foot, shape (num_feet,); None where there are none."""
+        """Return the contact group of each foot, shape (num_feet,), or None."""
         return None if self.feet[0].group is None else np.array([foot.group for foot in self.feet])
 
     def chain(self, link: int) -> tuple[int, ...]:
@@ -342,7 +342,7 @@ class Robot:
     def kind(self, name: str) -> Joint:
         """Return the first joint of a kind.
 
-        Raises `RobotError` where there is none.
+        Raises `RobotError` for an unknown kind.
         """
         return self.joints[self.joints_of(name)[0]]
 
@@ -356,20 +356,20 @@ class Robot:
 
 
 def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the frames of all links of a robot are, see `tree_poses`."""
+    """Return the frames of all links of a robot, see `tree_poses`."""
     return tree_poses(robot.links, angles)
 
 
 def chain_to(links: Sequence[Link], link: int) -> tuple[int, ...]:
-    """Return the numbers of the joints from the base to a link, its own the last."""
-    found = [link]
-    while links[found[0]].parent >= 0:
-        found.insert(0, links[found[0]].parent)
-    return tuple(found)
+    """Return the numbers of the joints from the base to a link, including its joint."""
+    chain = [link]
+    while links[chain[0]].parent >= 0:
+        chain.insert(0, links[chain[0]].parent)
+    return tuple(chain)
 
 
 def tree_poses(links: Sequence[Link], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the frames of all links are on the base: positions [m], (joints, 3), rotations, (joints, 3, 3).
+    """Return the frames of all links on the base: positions [m], (joints, 3), rotations, (joints, 3, 3).
 
     angles: of all joints [rad], shape (joints,).
     """
@@ -382,12 +382,12 @@ def tree_poses(links: Sequence[Link], angles: np.ndarray) -> tuple[np.ndarray, n
 
 
 def foot_places(robot: Robot, angles: np.ndarray) -> np.ndarray:
-    """Return where the middles of the feet are on the base [m], (feet, 3), at joint angles [rad], (joints,)."""
+    """Return the middles of the feet on the base [m], (feet, 3), at joint angles [rad], (joints,)."""
     position, turn = link_poses(robot, angles)
     return np.array([position[foot.link] + turn[foot.link] @ np.array(foot.position) for foot in robot.feet])
 
 
-def on_its_feet(robot: Robot) -> Robot:
+def with_standing_height(robot: Robot) -> Robot:
     """Return a robot with the height at which its lowest foot touches flat ground in the standing pose."""
     places = foot_places(robot, robot.joint_values("default_position"))
     radii = np.array([foot.radius for foot in robot.feet])
@@ -395,10 +395,10 @@ def on_its_feet(robot: Robot) -> Robot:
 
 
 FALLEN_UP = 0.5
-"""A robot has fallen where the base's up axis is more than 60° off vertical: its `uprightness` is under this."""
+"""Minimum `uprightness` of a robot that has not fallen: its up axis is at most 60° off vertical."""
 
 FALLEN_HEIGHT = 0.45
-"""... or where the base is lower than this fraction of its standing height."""
+"""Minimum height of the base of a robot that has not fallen, as a fraction of its standing height."""
 
 
 def leans_too_far(quaternion: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
-"""What the actuators of a compiled model give a joint: torque limit, gains, and inertia and damping behind the gear.
+"""Actuators of a compiled model at the joint: torque limit, gains, and inertia and damping behind the gear.
 
-An actuator's own `armature` and `damping` are at its rotor. At the joint they count gear² times, since gear scales
-both force and speed, and MuJoCo adds them to those of the joint.
+An actuator's `armature` and `damping` are at its rotor. At the joint they count gear² times, since gear scales both
+force and speed, and MuJoCo adds them to those of the joint.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ DIRECT = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("NONE",
 """Dynamics that settle at the control itself."""
 
 FIXED, PID, DCMOTOR = (int(getattr(mujoco.mjtGain, f"mjGAIN_{name}")) for name in ("FIXED", "PID", "DCMOTOR"))
-"""Kinds of gain."""
+"""Numbers of MuJoCo's kinds of gain."""
 
 
 def _actuators(model: mujoco.MjModel, joint: int) -> list[tuple[int, float]]:
@@ -33,13 +33,13 @@ def _actuators(model: mujoco.MjModel, joint: int) -> list[tuple[int, float]]:
 
 
 def armature(model: mujoco.MjModel, joint: int) -> float:
-    """Return the rotor inertia at a joint, its own and that of its actuators [kg m²]."""
-    own = float(model.dof_armature[model.jnt_dofadr[joint]])
-    return own + sum(gear**2 * float(model.actuator_armature[number]) for number, gear in _actuators(model, joint))
+    """Return the rotor inertia at a joint, with that of its actuators [kg m²]."""
+    inertia = float(model.dof_armature[model.jnt_dofadr[joint]])
+    return inertia + sum(gear**2 * float(model.actuator_armature[number]) for number, gear in _actuators(model, joint))
 
 
 def damping(model: mujoco.MjModel, joint: int) -> tuple[float, bool]:
-    """Return the damping at a joint, its own and that of its actuators [N m s/rad], and whether it grows with speed."""
+    """Return the damping at a joint, with that of its actuators [N m s/rad], and whether it grows with speed."""
     dof, driving = int(model.jnt_dofadr[joint]), _actuators(model, joint)
     linear = float(model.dof_damping[dof])
     linear += sum(gear**2 * float(model.actuator_damping[number]) for number, gear in driving)
@@ -48,7 +48,7 @@ def damping(model: mujoco.MjModel, joint: int) -> tuple[float, bool]:
 
 
 def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
-    """Return the smallest torque limit that the file states, and where; 0 where it states none."""
+    """Return the smallest torque limit in the file, and its source; 0 where it has none."""
     stated: list[tuple[float, str]] = []
     if model.jnt_actfrclimited[joint]:
         stated.append((float(np.abs(model.jnt_actfrcrange[joint]).min()), "file: actuatorfrcrange, or effort"))
@@ -67,7 +67,7 @@ def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
 
 
 def gains(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
-    """Return kp and kd of the servo (position, pid, dcmotor) that drives a joint in the file; 0 where there is none."""
+    """Return kp and kd of the servo (position, pid, dcmotor) that drives a joint in the file; 0 without one."""
     for actuator, gear in _actuators(model, joint):
         kind, gain = int(model.actuator_gaintype[actuator]), model.actuator_gainprm[actuator]
         _, minus_kp, minus_kd = map(float, model.actuator_biasprm[actuator, :3])
@@ -80,7 +80,7 @@ def gains(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
 
 
 def unread(model: mujoco.MjModel) -> Iterator[str]:
-    """Yield a sentence for everything that the actuators of a file have and that is not simulated."""
+    """Yield a sentence for every property of the actuators in a file that is not simulated."""
     kinds = model.actuator_gaintype
     integral = np.select([kinds == PID, kinds == DCMOTOR], model.actuator_gainprm[:, [0, 5]].T) != 0
     rotor = np.any((model.actuator_armature, model.actuator_damping, *model.actuator_dampingpoly.T), axis=0)

@@ -9,10 +9,10 @@ from typing import Any
 
 from stiction.core.errors import RobotError
 from stiction.robots.catalog import find_robot, is_shipped
-from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.model import Robot, with_standing_height
 
 UNCOMPARED = ("color",)
-"""Fields in which robots of one name may differ: they are seen, and nothing moves by them."""
+"""Fields in which robots of one name may differ: visual only."""
 
 AT_MOST = ("kp", "kd", "torque_limit")
 """Fields of a joint that a policy trained elsewhere may lower, and never raise."""
@@ -22,21 +22,21 @@ OF_POLICY = ("default_position", "action_scale")
 
 
 IMPORTED_ROBOT = "_imported"
-"""End of the name of a shipped robot whose gains or limits a policy from elsewhere raises."""
+"""Suffix of the name of a shipped robot whose gains or limits an imported policy raises."""
 
 
 def check_named(robot: Robot, elsewhere: bool = False) -> None:
-    """Reject a robot that has the name of a shipped one and other numbers; robots of other names pass.
+    """Reject a robot with the name of a shipped one and different numbers; robots with other names pass.
 
-    elsewhere: the robot is that of a policy trained elsewhere, with its own order of joints, pose, and gains that are
-    at most those of the shipped robot. Raises `RobotError` naming the first field that differs.
+    elsewhere: the robot is that of a policy trained elsewhere, with its order of joints, pose, and gains that are at
+    most those of the shipped robot. Raises `RobotError` naming the first field that differs.
     """
     if not is_shipped(robot.name):
         return
     shipped = find_robot(robot.name)
     if elsewhere and sorted(robot.joint_names) == sorted(shipped.joint_names):
         shipped = reordered(shipped, robot.joint_names)
-        shipped = replace(shipped, standing_height=on_its_feet(robot).standing_height)
+        shipped = replace(shipped, standing_height=with_standing_height(robot).standing_height)
     for field, value, expected in _differences(robot, shipped, "", (*AT_MOST, *OF_POLICY) if elsewhere else ()):
         _reject(robot, field, value, expected)
     for field, value, most in raised(robot, shipped):
@@ -44,7 +44,7 @@ def check_named(robot: Robot, elsewhere: bool = False) -> None:
 
 
 def raised(robot: Robot, shipped: Robot) -> Iterator[tuple[str, float, float]]:
-    """Yield the fields in which joints of a robot have more than those of another: field, value, and the other's."""
+    """Yield the fields in which joints of a robot exceed those of another: field, value, and the other's value."""
     for number, (joint, other) in enumerate(zip(robot.joints, shipped.joints, strict=True)):
         for name in AT_MOST:
             if getattr(joint, name) > getattr(other, name) * (1 + 1e-6):
@@ -61,15 +61,15 @@ def _reject(robot: Robot, field: str, value: Any, expected: Any) -> None:
 
 
 def _differences(value: Any, expected: Any, where: str, free: Collection[str]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield field, value and expected value of everything in which two parts of robots differ."""
+    """Yield field, value and expected value of every difference of two parts of robots."""
     if is_dataclass(value) and type(value) is type(expected):
         for part in fields(value):
             if part.name not in UNCOMPARED and part.name not in free:
                 name = f"{where}.{part.name}".lstrip(".")
                 yield from _differences(getattr(value, part.name), getattr(expected, part.name), name, free)
     elif isinstance(value, tuple) and isinstance(expected, tuple) and len(value) == len(expected):
-        for number, (one, other) in enumerate(zip(value, expected, strict=True)):
-            yield from _differences(one, other, f"{where}[{number}]", free)
+        for number, (item, other) in enumerate(zip(value, expected, strict=True)):
+            yield from _differences(item, other, f"{where}[{number}]", free)
     elif isinstance(value, float) and isinstance(expected, int | float):
         if not math.isclose(value, expected, rel_tol=1e-6, abs_tol=1e-12):
             yield where, value, expected
@@ -80,7 +80,7 @@ def _differences(value: Any, expected: Any, where: str, free: Collection[str]) -
 def reordered(robot: Robot, names: Sequence[str]) -> Robot:
     """Return a robot whose driven joints have the order of `names`.
 
-    Raises `RobotError` where these are not its driven joints, each once, or a joint stands before the one that carries
+    Raises `RobotError` where these are not its driven joints, each once, or a joint comes before the one that carries
     it, which no engine builds.
     """
     if missing := [name for name in names if name not in robot.joint_names]:

@@ -1,18 +1,18 @@
-"""How a simulator holds a joint by dry friction: the two ways that MuJoCo has, as data. No mujoco.
+"""Simulation of dry friction in MuJoCo, in two ways, as data. Without mujoco.
 
-`rows`: each joint has a row of its own in the constraint solver, bounded by the friction. What remains is a creep below
-the bound, by the row's impedance (see `FRICTION_D0`). Everything that is judged is judged on these.
+`rows`: each joint has a row in the constraint solver, bounded by the friction. Below the bound the joint creeps, by the
+row's impedance (see `FRICTION_D0`). All evaluations use these.
 
 `plastic`: each joint hangs on a spring of `stiffness` k that yields, an elastoplastic slider (Prandtl's element). With
 p the angle at which the spring is slack:
 
-    τ = -k (q - p),   and p follows q as soon as |q - p| would exceed f/k.
+  τ = -k (q - p),   and p follows q as soon as |q - p| would exceed f/k.
 
-Its torque is bounded by exactly f, and below the bound the joint gives way by τ/k and swings, undamped but for the
-motor, instead of creeping. No solver row is needed, which makes a physics step nearly twice as fast. The spring is
-explicit: steps of h want k h² well below four times the inertia that a joint moves, or it breaks away too early, and
-beyond chatters within ±f (`robots.sliders`). What the sliders leave to the solver, contacts and limits, is as finished
-as its iterations are many: ten of PGS are not done, and do not even commute with the robot's mirror to rounding.
+Its torque is bounded by exactly f, and below the bound the joint yields by τ/k and swings, damped only by the motor,
+instead of creeping. No solver row is needed, which makes a physics step nearly twice as fast. The spring is explicit:
+steps of h need k h² well below four times the inertia that a joint moves, or it breaks away too early, and beyond
+chatters within ±f (`robots.sliders`). Contacts and limits, which sliders leave to the solver, are as exact as its
+iterations are many: ten of PGS have not converged, and do not even commute with the robot's mirror to rounding.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, flag
 
 FrictionPhysics = Literal["rows", "plastic", "plastic-first"]
-"""Ways to hold a joint, see above; `plastic-first`: sliders in most of a training, and rows at its end."""
+"""Ways to simulate friction, see above; `plastic-first`: sliders in most of a training, and rows at its end."""
 
 ROWS_FROM = 0.6
-"""Share of the first phase of a training after which rows take the place of sliders, of `plastic-first`."""
+"""Share of the first phase of a training after which rows replace sliders, for `plastic-first`."""
 
 Solver = Literal["newton", "pgs"]
 
@@ -37,15 +37,15 @@ SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {
     "plastic": ("pgs", 10),
     "plastic-first": ("newton", 10),
 }
-"""Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given. Two
-policies that had learned on ten sweeps of it stood still in places where one of Newton did not (results/following)."""
+"""Default solver and maximum iterations. Newton needs five or so on rows; PGS takes all that it is given. Two policies
+that had learned on ten sweeps of it stood still in places where one of Newton did not (results/following)."""
 
 STIFFNESSES = (1.0, 1e6)
-"""Least and most stiffness of a slider [N m/rad]: under the first no joint of a legged robot would stick, and the
-second wants steps of some microseconds."""
+"""Range of a slider's stiffness [N m/rad]: below it no joint of a legged robot would stick, above it steps of some
+microseconds are needed."""
 
 MOST_ITERATIONS = 10_000
-"""Most iterations of the solver that may be asked for."""
+"""Upper bound of the solver's maximum iterations."""
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
@@ -62,11 +62,11 @@ def friction_row(timestep: float, impedance: float = FRICTION_D0) -> tuple[tuple
 
 
 LEAST_ITERATIONS, LEAST_LS_ITERATIONS = 20, 50
-"""Budget of MuJoCo's solver, and of its line search, under which such rows let go of a loaded joint. At 10 and 20 a
+"""Minimum budget of MuJoCo's solver, and of its line search, at which such rows hold a loaded joint. At 10 and 20 a
 joint under 0.8 of its friction turned 0.2 rad in 2 s, at 10 and 30 0.001; on the ground it takes 20 and 50."""
 
 CONTACT_TIME = 0.02
-"""Time constant of the contact of feet and ground where none is said [s]: MuJoCo's, softer than PhysX and ODE."""
+"""Default time constant of the contact of feet and ground [s]: MuJoCo's, softer than PhysX and ODE."""
 
 SMALLEST_YIELD = 1e-9
 """Yield of a joint without friction [rad]: MuJoCo takes 0 for a spring that never yields."""
@@ -77,19 +77,19 @@ class PhysicsCfg:
     """Dry friction and constraint solver of a simulation; the default is what evaluation has."""
 
     friction: Annotated[FrictionPhysics, flag("--physics")] = "rows"
-    """How joint friction is simulated. rows: by constraints of the solver; plastic: by sliders, twice as fast, for
+    """Simulation of joint friction. rows: by constraints of the solver; plastic: by sliders, twice as fast, for
     training only; plastic-first: by sliders in the first 60 % of a training's first phase, then by rows."""
     impedance: float = field(default=FRICTION_D0, metadata=needs("--physics rows"))
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps."""
     stiffness: Annotated[float, FLAG] = field(default=1000.0, metadata=needs("--physics plastic or plastic-first"))
-    """Stiffness k of the slider [N m/rad]. A training says where it is too stiff for its step."""
+    """Stiffness k of the slider [N m/rad]. A training warns where it is too stiff for its step."""
     solver: Annotated[Solver | None, FLAG] = None
-    """Of contacts, limits and rows; by default Newton, for `plastic` PGS."""
+    """Solver of contacts, limits and rows; by default Newton, for `plastic` PGS."""
     iterations: int | None = None
-    """Most iterations of the solver in a physics step; by default 100 of `rows`, else 10."""
+    """Maximum iterations of the solver in a physics step; by default 100 for `rows`, else 10."""
 
     def __post_init__(self) -> None:
-        """Refuse what has no meaning."""
+        """Validate the values."""
         for name, value, names in (
             ("friction", self.friction, get_args(FrictionPhysics)),
             ("solver", self.solver or "newton", get_args(Solver)),
@@ -112,7 +112,7 @@ class PhysicsCfg:
 
     @property
     def plastic(self) -> bool:
-        """True if the joints hang on sliders, at first at least."""
+        """True if the joints hang on sliders, at least at first."""
         return self.friction != "rows"
 
     @property
@@ -122,17 +122,17 @@ class PhysicsCfg:
 
     @property
     def solver_name(self) -> Solver:
-        """The solver that is used."""
+        """Name of the solver, the default included."""
         return self.solver or SOLVERS[self.friction][0]
 
     @property
     def solver_iterations(self) -> int:
-        """Its most iterations."""
+        """Maximum iterations, the default included."""
         return SOLVERS[self.friction][1] if self.iterations is None else self.iterations
 
 
 def budget_objection(iterations: int, ls_iterations: int) -> str | None:
-    """Return what is wrong with a budget of MuJoCo's solver for rows of dry friction; None: nothing."""
+    """Return the fault of a budget of MuJoCo's solver for rows of dry friction, or None."""
     if iterations >= LEAST_ITERATIONS and ls_iterations >= LEAST_LS_ITERATIONS:
         return None
     return (
@@ -142,7 +142,7 @@ def budget_objection(iterations: int, ls_iterations: int) -> str | None:
 
 
 EXACT = PhysicsCfg()
-"""What evaluation and every claim have."""
+"""Physics of evaluation and of every claim."""
 
 FAST = PhysicsCfg("plastic")
-"""The fastest that trains: sliders, and ten iterations of PGS for the contacts."""
+"""Fastest physics for training: sliders, and ten iterations of PGS for the contacts."""

@@ -1,6 +1,6 @@
-"""Draws a robot standing, with the axis of every driven joint as an arrow: angles follow the right-hand rule.
+"""Picture of a standing robot, with an arrow along the axis of every driven joint, by the right-hand rule.
 
-Rendering happens in a process of its own, see `core.opengl`.
+Rendering happens in a separate process, see `core.opengl`.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from stiction.robots.model import Robot, link_poses
 from stiction.robots.record import read_robot, write_robot
 
 WIDTH, HEIGHT, LEGEND = 960, 720, 330
-"""Size of the picture, and width of the list beside it [pixels]."""
+"""Size of the picture, and width of its legend [pixels]."""
 
 TIMEOUT = 120.0
-"""Longest that drawing may take [s]."""
+"""Timeout of drawing [s]."""
 
 COLORS = ((0.85, 0.25, 0.2), (0.2, 0.6, 0.3), (0.2, 0.4, 0.85), (0.8, 0.6, 0.1), (0.55, 0.3, 0.7), (0.1, 0.6, 0.65))
-"""Of arrows, by kind of joint."""
+"""Colors of arrows, by kind of joint."""
 
 
 class PictureError(EngineError):
-    """A picture could not be drawn, mostly for want of OpenGL."""
+    """Failure to draw a picture, mostly for lack of OpenGL."""
 
 
 def draw(robot: Robot, out: Path) -> Path:
     """Draw a robot into a PNG file and return its path.
 
-    Raises `PictureError` where there is no OpenGL, or the renderer failed; the message says what it said.
+    Raises `PictureError`, with the renderer's message, without OpenGL or where the renderer failed.
     """
     with scratch() as folder:
         record = folder / "robot.json"
@@ -44,7 +44,7 @@ def draw(robot: Robot, out: Path) -> Path:
 
 
 def _render(robot: Robot, out: Path) -> None:
-    """Draw a robot; needs OpenGL, to be called in a process of its own."""
+    """Draw a robot; needs OpenGL, in a separate process."""
     import mujoco
     from PIL import Image, ImageDraw, ImageFont
 

@@ -1,7 +1,7 @@
-"""A robot as JSON, which travels with a run and its policy: complete, and read back with nothing but NumPy.
+"""Robot as JSON, stored with a run and its policy: complete, and readable with NumPy alone.
 
-Whoever reads a file of somebody else's gets a robot or one sentence: every value has the type of its field, numbers are
-finite, and there are at most `MOST_BYTES` of them.
+Reading a file gives a robot or an error of one sentence: every value has the type of its field, numbers are finite, and
+the file has at most `MOST_BYTES`.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from stiction.core.files import read_bounded, write_text
 from stiction.robots.model import Robot
 
 MOST_BYTES = 8 * 2**20
-"""Size of the largest file that is read."""
+"""Maximum size of a file [B]."""
 
 VERSION = 1
-"""Of the layout of the file."""
+"""Version of the layout of the file."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where one value of a robot came from."""
+    """Origin of one value of a robot."""
 
     subject: str
     """Joint, or part of the robot."""
@@ -36,12 +36,12 @@ class Origin:
 
 @dataclass(frozen=True)
 class Derived:
-    """A robot, and what is known of how it came about."""
+    """Robot, and the origins of its values."""
 
     robot: Robot
     origins: tuple[Origin, ...] = ()
     notes: tuple[str, ...] = ()
-    """What was left out, mended or not believed, a sentence each."""
+    """Omissions, corrections and rejected values, a sentence each."""
 
 
 def write_robot(robot: Robot, path: Path) -> None:
@@ -53,13 +53,13 @@ def write_robot(robot: Robot, path: Path) -> None:
 def read_robot(path: Path) -> Robot:
     """Return the robot of a JSON file.
 
-    Raises `RobotError` naming the entry that is wrong.
+    Raises `RobotError` naming the invalid entry.
     """
     text = read_bounded(path, "a robot", RobotError, MOST_BYTES)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise RobotError(f"{path}: is no JSON: {error}") from error
+        raise RobotError(f"{path}: is not JSON: {error}") from error
     if not isinstance(content, dict) or content.pop("version", None) != VERSION:
-        raise RobotError(f"{path}: is no robot of version {VERSION}; write it with this version of stiction")
+        raise RobotError(f"{path}: is not a robot of version {VERSION}; write it with this version of stiction")
     return from_plain(Robot, content, str(path), RobotError)

@@ -1,4 +1,4 @@
-"""What is touched or seen of a robot: spheres, capsules, cylinders, boxes and convex hulls, as data. NumPy alone."""
+"""Contact and visual shapes of a robot: spheres, capsules, cylinders, boxes and convex hulls, as data. NumPy alone."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def vector(values: np.ndarray) -> Vector:
 ShapeKind = Literal["sphere", "capsule", "cylinder", "box", "hull"]
 
 Contact = Literal["ground", "obstacles", "nothing"]
-"""What a shape touches: ground and obstacles, obstacles alone, or nothing (it is only seen)."""
+"""Contacts of a shape: ground and obstacles, obstacles alone, or nothing (visual only)."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What is touched or seen of a link, in the link's frame."""
+    """Contact or visual shape of a link, in the link's frame."""
 
     kind: ShapeKind
     """A `hull` is the convex hull of `vertices`."""
@@ -36,7 +36,7 @@ class Shape:
     position: Vector = (0.0, 0.0, 0.0)
     """Middle of the shape [m]."""
     quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    """Its orientation: w, x, y, z."""
+    """Orientation: w, x, y, z."""
     contact: Contact = "nothing"
     color: Vector | None = None
     """Red, green, blue in [0, 1]."""
@@ -50,23 +50,23 @@ class Shape:
 
 
 def reach(shape: Shape, direction: np.ndarray) -> float:
-    """Return how far a shape reaches along a direction from the link's origin [m]: its support function.
+    """Return the reach of a shape along a direction from the link's origin [m]: its support function.
 
     direction: of unit length, in the link's frame, shape (3,).
     """
     x, y, z = direction @ shape.rotation
     a, b, c = shape.size
     if shape.kind == "sphere":
-        own = a
+        distance = a
     elif shape.kind == "capsule":
-        own = a + b * abs(z)
+        distance = a + b * abs(z)
     elif shape.kind == "cylinder":
-        own = a * np.hypot(x, y) + b * abs(z)
+        distance = a * np.hypot(x, y) + b * abs(z)
     elif shape.kind == "box":
-        own = a * abs(x) + b * abs(y) + c * abs(z)
+        distance = a * abs(x) + b * abs(y) + c * abs(z)
     else:
-        own = (np.array(shape.vertices) @ np.array([x, y, z])).max()
-    return float(direction @ np.array(shape.position) + own)
+        distance = (np.array(shape.vertices) @ np.array([x, y, z])).max()
+    return float(direction @ np.array(shape.position) + distance)
 
 
 def bounds(shapes: Sequence[Shape], rotation: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -1,13 +1,13 @@
-"""Whether the sliders that hold joints are soft enough for the physics step, see `stiction.robots.physics`.
+"""Stability of the sliders that hold joints at a physics step, see `stiction.robots.physics`.
 
-A stuck joint is an inertia I on a spring k, and a step of h first changes its speed, then its angle. With
-r = k h² / 4I an angle's deviation from rest obeys x⁺ - (2 - 4r) x + x⁻ = 0, whose amplitude A is bounded for r < 1
-alone; beyond, the joint chatters within ±f and nothing sticks. Below, a load τ that comes at once swings the angle to
+A stuck joint is an inertia I on a spring k, and a step of h first changes its speed, then its angle. With r = k h² / 4I
+an angle's deviation from rest obeys x⁺ - (2 - 4r) x + x⁻ = 0, whose amplitude A is bounded for r < 1 alone; beyond, the
+joint chatters within ±f and nothing sticks. Below, a load τ that comes at once swings the angle to
 
-    τ/k (1 + 1/√(1 - r)),
+  τ/k (1 + 1/√(1 - r)),
 
-where it should be 2 τ/k: the joint breaks away at 2/(1 + 1/√(1 - r)) of the load at which it should. I is what the
-joint moves with the robot in the air and its other joints free, which is least: 1/(M⁻¹)_jj.
+where it should be 2 τ/k: the joint breaks away at 2/(1 + 1/√(1 - r)) of the load at which it should. I is the inertia
+that the joint moves with the robot in the air and its other joints free, which is least: 1/(M⁻¹)_jj.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ HOLDS = 0.8
 """Share of its load at which a joint may break away too early [-]."""
 
 STIFFEST = 1.0 - (2.0 / HOLDS - 1.0) ** -2
-"""The r at which it does [-], 5/9."""
+"""r at which it breaks away at that share [-], 5/9."""
 
 
 def moved_inertia(robot: Robot, armature: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def stiffness_ratio(robot: Robot, physics: PhysicsCfg, timestep: float, armature
 def weak_friction(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> str | None:
     """Return a line about settings under which joints do not hold by their friction; None: they hold.
 
-    Sliders may be too stiff for the physics step, and rows need a solver that is done.
+    Sliders may be too stiff for the physics step, and rows need a converged solver.
 
     timestep: physics step h [s]; armature: least inertia of each rotor that is drawn [kg m²], shape (joints,).
     """
@@ -79,6 +79,6 @@ def weak_friction(robot: Robot, physics: PhysicsCfg, timestep: float, armature: 
 
 
 def _below(value: float) -> str:
-    """Return a positive number with two digits, not above it."""
+    """Return a positive number rounded down to two digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{float(f'{math.floor(value / unit + 1e-9) * unit:.2g}'):.10g}"

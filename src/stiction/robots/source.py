@@ -1,7 +1,7 @@
-"""Reads a robot's MuJoCo or URDF file into a compiled model, and says what it had to mend on the way.
+"""Compiled model of a robot's MuJoCo or URDF file, with notes on corrections.
 
-What others wrote is checked before it is compiled: its size, its meshes, its mass. A URDF comes as it is: its root link
-keeps its mass, which MuJoCo drops without a word, and a mesh is found wherever its package lies.
+Files are checked before they are compiled: size, meshes, mass. The root link of a URDF keeps its mass, which MuJoCo
+drops without a message, and a mesh is found wherever its package lies.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ import numpy as np
 
 from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded
-from stiction.robots.meshes import drop_broken_meshes, mend_meshes
+from stiction.robots.meshes import drop_broken_meshes, resolve_meshes
 from stiction.robots.model import LARGEST
 from stiction.robots.motors import unread
 from stiction.robots.physics import budget_objection
 from stiction.robots.survey import MOST_BYTES, place_of, survey
 
 WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
-"""Numbers of a joint's position; hinges and slides have one."""
+"""Numbers in a joint's position; hinges and slides have one."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A robot's model as its file has it, and what had to be mended."""
+    """Robot's model as in its file, with notes on corrections."""
 
     name: str
-    """The file's, or the model's."""
+    """Name of the file, or of the model."""
     model: mujoco.MjModel
     origin: str
-    """`robot.xml`, for messages and provenance."""
+    """File name, `robot.xml`, for messages and provenance."""
     notes: tuple[str, ...] = ()
-    """What was left out or mended, a sentence each."""
+    """Omissions and corrections, a sentence each."""
 
 
 def read_source(path: Path) -> Source:
     """Return the model of a MuJoCo (.xml) or URDF (.urdf) file.
 
-    Raises `RobotError` where it cannot be read, a mesh that is needed is missing or cannot be decoded, or the model
-    does not weigh what the file says.
+    Raises `RobotError` where it cannot be read, a required mesh is missing or cannot be decoded, or the model's weight
+    differs from the file's.
     """
     spec, notes = read_spec(path)
     source = compile_source(spec, path.name, notes, path)
@@ -59,7 +59,7 @@ def read_source(path: Path) -> Source:
 
 
 def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """Return what a MuJoCo (.xml) or URDF (.urdf) file describes, and what had to be mended. Errors: `read_source`."""
+    """Return the `MjSpec` of a MuJoCo (.xml) or URDF (.urdf) file, and notes on corrections. Errors: `read_source`."""
     content, urdf = _read_text(path)
     try:
         # By its path MuJoCo reads what a file includes, and nothing that is not called .xml.
@@ -77,11 +77,13 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     for texture in list(spec.textures):
         spec.delete(texture)
     spec.memory = -1
-    return spec, mend_meshes(spec, path, urdf)
+    return spec, resolve_meshes(spec, path, urdf)
 
 
 def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = (), path: Path | None = None) -> Source:
-    """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: what was mended; `path`: its own."""
+    """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: on corrections; `path`: of the
+    file.
+    """
     try:
         _check_structure(spec, name)
         notes += _free_base(spec, name)
@@ -108,9 +110,9 @@ def _root(model: mujoco.MjModel) -> int:
 
 
 def _read_text(path: Path) -> tuple[str, bool]:
-    """Return a file's XML, and whether it is URDF, whatever it is called.
+    """Return a file's XML, and whether it is URDF, whatever its suffix.
 
-    Refuses one that is enormous, or could grow while it is parsed.
+    Rejects one that is enormous, or could grow while it is parsed.
     """
     content = read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)
     survey(path, content)
@@ -122,7 +124,7 @@ def _read_text(path: Path) -> tuple[str, bool]:
 
 
 def _without_floating_root(root: ElementTree.Element) -> str:
-    """Return a URDF without an empty root link on which the robot floats: here it floats anyway."""
+    """Return a URDF without an empty root link on which the robot floats; every base floats here."""
     for joint in root.findall("joint"):
         parent, children = joint.find("parent"), {child.get("link") for child in root.iterfind("joint/child")}
         if joint.get("type") != "floating" or parent is None or parent.get("link") in children:
@@ -135,13 +137,13 @@ def _without_floating_root(root: ElementTree.Element) -> str:
 
 
 def one_line(error: Exception) -> str:
-    """Return what MuJoCo said, in one line, but for a place that it does not know."""
+    """Return MuJoCo's message in one line, without an unknown place."""
     text = " ".join(str(error).removeprefix("Error: ").split())
     return re.sub(r" Element (name '', id \d+|name '[^']*', id \d+|'[^']*'), line 0$", "", text)
 
 
 def _roots(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Return the bodies of the world that carry hinges, themselves or further out."""
+    """Return the bodies of the world that carry hinges, directly or further out."""
 
     def carries(body: mujoco.MjsBody) -> bool:
         return any(joint.type == mujoco.mjtJoint.mjJNT_HINGE for joint in body.joints) or any(
@@ -152,11 +154,11 @@ def _roots(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
 
 
 def _free_base(spec: mujoco.MjSpec, name: str) -> tuple[str, ...]:
-    """Let the base float where the file has it fixed: as a part of the world, a URDF's root would lose its mass."""
+    """Let a base that is fixed in the file float: as a part of the world, a URDF's root would lose its mass."""
     roots = _roots(spec)
     if len(roots) != 1:
-        found = f"{len(roots)} of them do ({', '.join(repr(body.name) for body in roots)})" if roots else "none does"
-        raise RobotError(f"{name}: exactly one body of the world must carry joints; {found}")
+        count = f"{len(roots)} of them do ({', '.join(repr(body.name) for body in roots)})" if roots else "none does"
+        raise RobotError(f"{name}: exactly one body of the world must carry joints; {count}")
     (root,) = roots
     free = [joint for joint in root.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     if free:
@@ -179,7 +181,7 @@ def _free_base(spec: mujoco.MjSpec, name: str) -> tuple[str, ...]:
 
 
 def _link_mass(path: Path) -> float | None:
-    """Return what the links of a URDF weigh together [kg]; None: the file is MuJoCo's."""
+    """Return the total mass of the links of a URDF [kg]; None for a MuJoCo file."""
     root = ElementTree.parse(path).getroot()
     if root.tag != "robot":
         return None
@@ -190,7 +192,7 @@ def _link_mass(path: Path) -> float | None:
 
 
 def _check_structure(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse what is more than a tree of rigid bodies with hinges, and joints that nobody can name.
+    """Reject everything except a tree of rigid bodies with hinges that have unique names.
 
     Raises `RobotError`, and MuJoCo's `ValueError` where two things have one name.
     """
@@ -219,7 +221,7 @@ def _num_positions(spec: mujoco.MjSpec) -> int:
 
 
 def _check_keyframes(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse a keyframe of another length: MuJoCo fills it up, and every joint stands at its neighbour's angle."""
+    """Reject a keyframe of another length, which MuJoCo pads, so that every joint would have its neighbour's angle."""
     for key in spec.keys:
         if len(key.qpos) not in (0, _num_positions(spec)):
             raise RobotError(
@@ -229,7 +231,7 @@ def _check_keyframes(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def _check_numbers(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a model with a number that is none, or that overflows: it would be found as something else, or not at all.
+    """Reject a model with a number that is not finite, or that overflows: its effect would be hard to trace.
 
     Raises `RobotError` naming the body, joint or actuator.
     """
@@ -241,18 +243,18 @@ def _check_numbers(model: mujoco.MjModel, name: str) -> None:
     ):
         for values in fields:
             # In this form a NaN is found too.
-            number = next((row for row, own in enumerate(values) if not (np.abs(own) < LARGEST).all()), None)
+            number = next((row for row, numbers in enumerate(values) if not (np.abs(numbers) < LARGEST).all()), None)
             if number is not None:
                 word = {"jnt": "joint", "geom": "geometry", "key": "keyframe"}.get(kind, kind)
                 called = getattr(model, {"jnt": "joint"}.get(kind, kind))(number).name
-                found = ", ".join(f"{value:.4g}" for value in np.ravel(values[number])[:8])
+                listed = ", ".join(f"{value:.4g}" for value in np.ravel(values[number])[:8])
                 raise RobotError(
-                    f"{name}: the {word} {called!r} has numbers that no robot has ({found}); correct them in the file"
+                    f"{name}: the {word} {called!r} has numbers that no robot has ({listed}); correct them in the file"
                 )
 
 
 def _not_taken(model: mujoco.MjModel, root: int) -> Iterator[str]:
-    """Yield a sentence for everything that a file has and that is not simulated; `root`: number of the base's body."""
+    """Yield a sentence for everything in a file that is not simulated; `root`: number of the base's body."""
     stiffness = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     springs = [model.joint(joint).name for joint in np.flatnonzero(np.any(stiffness, axis=1))]
     if springs:
@@ -266,8 +268,8 @@ def _not_taken(model: mujoco.MjModel, root: int) -> Iterator[str]:
     floated = [model.body(body).name for body in np.flatnonzero(model.body_gravcomp)]
     if floated:
         yield f"the file takes the weight of {', '.join(floated)} away (gravcomp); here it has it"
-    others = [body for body in range(1, model.nbody) if model.body_rootid[body] == body and body != root]
-    loose = [model.body(body).name for body in others if model.body_dofnum[body]]
+    roots = [body for body in range(1, model.nbody) if model.body_rootid[body] == body and body != root]
+    loose = [model.body(body).name for body in roots if model.body_dofnum[body]]
     if loose:
         yield f"beside the robot the file has {', '.join(map(repr, loose))}, which is left out"
     for number in range(model.nkey):
@@ -279,7 +281,7 @@ def _not_taken(model: mujoco.MjModel, root: int) -> Iterator[str]:
 
 
 def _turned(quaternion: np.ndarray, what: str) -> Iterator[str]:
-    """Yield a sentence where a base stands turned, by more than 5°."""
+    """Yield a sentence for a base that stands turned by more than 5°."""
     # A quaternion and its negative are one rotation.
     angle = 2 * np.arccos(np.clip(abs(quaternion[0]) / max(float(np.linalg.norm(quaternion)), 1e-9), 0, 1))
     if angle > np.radians(5.0):

@@ -1,7 +1,8 @@
-"""What a robot's XML would make MuJoCo read and build, looked at before MuJoCo sees it.
+"""Survey of a robot's XML, before MuJoCo reads it.
 
-A few lines of MJCF can ask for a billion bodies, a pipe that never begins, or a picture of gigabytes, and nothing ends
-MuJoCo once it has begun. What a tree of rigid bodies with hinges does not need is refused, what it includes is bounded.
+A few lines of MJCF can request a billion bodies, a pipe that never begins, or a picture of gigabytes, and MuJoCo cannot
+be interrupted. Anything that a tree of rigid bodies with hinges does not need is refused, and included files are
+bounded.
 """
 
 from __future__ import annotations
@@ -14,31 +15,31 @@ from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded
 
 MOST_BYTES = 2**24
-"""Size of the largest XML that is read."""
+"""Maximum size of an XML file [B]."""
 
 MOST_FILES = 64
-"""Files of one robot, meshes apart."""
+"""Maximum number of files of one robot, without meshes."""
 
 MOST_ELEMENTS = 50_000
-"""Elements of all files together."""
+"""Maximum number of elements in all files together."""
 
 DEEPEST = 200
-"""Elements in one another: a chain of links."""
+"""Maximum depth of nested elements: a chain of links."""
 
 LARGEST_COUNT = 10_000
-"""Of a number in `<size>`, which allocates so many for each thing."""
+"""Maximum of a number in `<size>`, which allocates as many objects."""
 
-MAKERS = {
+GENERATORS = {
     **dict.fromkeys(("replicate", "composite", "flexcomp", "flex", "skin"), "write out the bodies that it makes"),
     **dict.fromkeys(("attach", "model"), "put the other model's bodies into this file, or include it"),
     **dict.fromkeys(("plugin", "extension"), "a robot is described without code"),
     "hfield": "take the ground out of the robot's file",
 }
-"""Element that makes more than it says -> what to do instead."""
+"""Element that generates others -> the alternative."""
 
 
 def survey(path: Path, content: bytes) -> list[tuple[Path, bytes]]:
-    """Return the XML of a robot with what it includes; refuse what is none or could grow while it is read.
+    """Return the XML of a robot and of its included files; reject invalid XML, and XML that grows while it is read.
 
     Raises `RobotError`.
     """
@@ -47,10 +48,10 @@ def survey(path: Path, content: bytes) -> list[tuple[Path, bytes]]:
     while left:
         file, text = left.pop()
         files.append((file, text))
-        found, included = _elements(file, text)
-        elements += found
+        count, included = _elements(file, text)
+        elements += count
         if elements > MOST_ELEMENTS:
-            raise RobotError(f"{path}: more than {MOST_ELEMENTS} elements; a robot has some hundred")
+            raise RobotError(f"{path}: more than {MOST_ELEMENTS} elements; a robot has a few hundred")
         for name in included:
             # MuJoCo looks beside the first file; whatever it finds was looked at.
             for place in {path.parent / name, file.parent / name}:
@@ -69,23 +70,23 @@ def survey(path: Path, content: bytes) -> list[tuple[Path, bytes]]:
 def place_of(path: Path, message: str) -> str:
     """Return `; see robot.xml, line 3: <joint name='hip'>`, the element that an error of MuJoCo means, or its file.
 
-    MuJoCo names an element, or words in it; of what is included it says neither line nor file. Nothing is returned
-    where elements of several files may be meant.
+    MuJoCo names an element, or words in it, but neither line nor file of included ones. The text is empty where
+    elements of several files are possible.
     """
-    said = re.search(r"Element (name )?'([^']*)'.*line (\d+)", message)
-    text = message[: said.start()] if said else message
+    match = re.search(r"Element (name )?'([^']*)'.*line (\d+)", message)
+    text = message[: match.start()] if match else message
     words, malformed = set(re.findall(r"'([^']+)'", text)), re.search(r"bad format in attribute '([^']+)'", text)
     meant: list[tuple[str, str]] = []
     for file, content in survey(path, read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)):
         for tag, attributes, line in _tags(content):
-            if said and int(said[3]):
-                fits = file == path and line == int(said[3]) and said[2] in (tag, attributes.get("name", said[2]))
-            elif said and said[1] and said[2]:
-                fits = attributes.get("name") == said[2]
+            if match and int(match[3]):
+                fits = file == path and line == int(match[3]) and match[2] in (tag, attributes.get("name", match[2]))
+            elif match and match[1] and match[2]:
+                fits = attributes.get("name") == match[2]
             elif malformed:
-                fits = (not said or said[2] == tag) and _is_no_numbers(attributes.get(malformed[1], "0"))
+                fits = (not match or match[2] == tag) and _is_no_numbers(attributes.get(malformed[1], "0"))
             else:
-                fits = bool(words & {*attributes, *attributes.values()}) and (not said or said[2] in ("", tag))
+                fits = bool(words & {*attributes, *attributes.values()}) and (not match or match[2] in ("", tag))
             if fits:
                 name = f" name={attributes['name'][:80]!r}" if "name" in attributes else ""
                 meant.append((file.name, f", line {line}: <{tag}{name}>"))
@@ -95,7 +96,7 @@ def place_of(path: Path, message: str) -> str:
 
 
 def _is_no_numbers(text: str) -> bool:
-    """Return whether an attribute has a word that is no number."""
+    """Return whether an attribute has a word that is not a number."""
     try:
         return not [float(word) for word in text.split()]
     except ValueError:
@@ -103,16 +104,16 @@ def _is_no_numbers(text: str) -> bool:
 
 
 def _tags(content: bytes) -> list[tuple[str, dict[str, str], int]]:
-    """Return name, attributes and line of every element of a file that was surveyed."""
-    found: list[tuple[str, dict[str, str], int]] = []
+    """Return name, attributes and line of every element of a surveyed file."""
+    tags: list[tuple[str, dict[str, str], int]] = []
     parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda tag, attributes: found.append((tag, attributes, parser.CurrentLineNumber))
+    parser.StartElementHandler = lambda tag, attributes: tags.append((tag, attributes, parser.CurrentLineNumber))
     parser.Parse(content, True)
-    return found
+    return tags
 
 
 def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
-    """Return how many elements one file has, and the names that it includes."""
+    """Return the number of elements of one file, and the names of the files that it includes."""
     if b"<!ENTITY" in content or b"<!DOCTYPE" in content:
         raise RobotError(f"{path}: declares XML entities, which are not read; write them out")
     count, depth, urdf = 0, 0, False
@@ -132,8 +133,8 @@ def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
         if urdf:
             # Of what else is not URDF, such as a simulator's plugins, MuJoCo reads nothing.
             return
-        if tag in MAKERS:
-            raise RobotError(f"{path}: <{tag}> is not read; {MAKERS[tag]}")
+        if tag in GENERATORS:
+            raise RobotError(f"{path}: <{tag}> is not supported; {GENERATORS[tag]}")
         if tag == "mesh" and "builtin" in attributes:
             raise RobotError(
                 f"{path}: a mesh of the kind {attributes['builtin']!r} is not read; supply the mesh's file"
@@ -158,7 +159,7 @@ def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
 
 
 def _check_sizes(path: Path, attributes: dict[str, str]) -> None:
-    """Refuse sizes that only memory is needed for."""
+    """Reject sizes that only cost memory."""
     for name, text in attributes.items():
         if name in ("memory", "nstack"):
             continue

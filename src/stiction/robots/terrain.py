@@ -1,9 +1,9 @@
-"""The ground under a fleet: flat, slopes, rough ground, stairs, each robot on a course of its own. NumPy only.
+"""Ground of a fleet: flat, slopes, rough ground, stairs, with a course for each robot. NumPy only.
 
-A course lies about the origin of its robot's world. The robot starts before it on flat ground and crosses it: up,
-a landing, down. Everything is made of boxes whose sizes belong to the model and whose places belong to the robot.
-Boxes are as fast as a plane; a height field is slower by a multiple, and its risers lean. `stiction bench --ground`
-measures it.
+A course is centred on the origin of its robot's world. The robot starts before it on flat ground and crosses it: up, a
+landing, down. Everything is made of boxes whose sizes belong to the model and whose places belong to the robot. Boxes
+are as fast as a plane; a height field is slower by a multiple, and its risers lean. `stiction bench --ground` measures
+it.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ import numpy as np
 from stiction.core.rotation import UPRIGHT, about
 
 KINDS = ("flat", "slope", "rough", "stairs")
-"""What a robot can walk on; a robot's kind is its number in here."""
+"""Kinds of ground; a robot's kind is its number in here."""
 
 TREAD = 0.30
 """Depth of a stair [m]."""
 
 STEPS = 6
-"""Stairs up, and down again: as many as are crossed in a quarter of a minute at 0.4 m/s."""
+"""Stairs up, and down again: as many as a robot crosses in a quarter of a minute at 0.4 m/s."""
 
 LANDING = 0.6
-"""Half the length of the landing between up and down [m], of stairs without the highest treads, which are level with
+"""Half the length of the landing between up and down [m], for stairs without the highest treads, which are level with
 it: longer than a trunk."""
 
 WIDTH = 3.0
-"""Half the width of a slope [m]. Stairs are square, so that they can be met from four sides."""
+"""Half the width of a slope [m]. Stairs are square, and can be climbed from four sides."""
 
 RAMP = TREAD * STEPS
 """Length of a slope along its surface [m]."""
 
 SLABS = 24
-"""Slabs that make rough ground."""
+"""Number of slabs of rough ground."""
 
 STEEPEST = {"slope": 0.45, "rough": 0.15, "stairs": 0.20}
-"""Difficulty 1: angle of the slope [rad], height of the highest slab [m], height of a step [m]."""
+"""Values at difficulty 1: angle of the slope [rad], height of the highest slab [m], height of a step [m]."""
 
 REACH = LANDING + TREAD * STEPS
-"""From the middle of a course to its foot [m]; of a slope it is the length before it is tilted."""
+"""Distance from the middle of a course to its foot [m]; for a slope, its length before it is tilted."""
 
 CELL = 0.05
 """Cell of the table in which the heights of rough ground are looked up [m]; the slabs themselves are exact."""
@@ -49,13 +49,13 @@ _SLAB = (0.12, 0.35)
 """Range of the half sizes of slabs, seen from above [m]."""
 
 _SPREAD = (REACH - 2**0.5 * _SLAB[1], REACH / 2)
-"""Half the extent along x and y in which the middles of slabs lie [m]: however turned, none is beyond the foot."""
+"""Half the extent along x and y of the middles of slabs [m]: however turned, none is beyond the foot."""
 
 _TABLE = (REACH, REACH / 2 + 0.5)
 """Half the extent of that table along x and y [m]."""
 
 _THICK = 0.5
-"""Half the thickness of every box [m]; only its top is walked on."""
+"""Half the thickness of every box [m]; only its top is used."""
 
 _PARKED = -10.0
 """Height of a box that its robot does not use [m]."""
@@ -76,15 +76,15 @@ def half_sizes(kind: str) -> np.ndarray:
 
 
 def step_height(kind: str, difficulty: np.ndarray) -> np.ndarray:
-    """Return what the difficulty means: step height [m], slope [rad], highest slab [m]; zero on flat ground."""
+    """Return the size of a difficulty: step height [m], slope [rad], highest slab [m]; zero on flat ground."""
     return STEEPEST.get(kind, 0.0) * np.asarray(difficulty, float)
 
 
 class Terrain:
-    """The courses of N robots. `difficulty`, (N,), is what `place` set; robots of kind `flat` have none."""
+    """Courses of N robots. `difficulty`, (N,), is set by `place`; robots of kind `flat` have none."""
 
     def __init__(self, kind: np.ndarray) -> None:
-        """Lay out nothing yet. `kind`: number in `KINDS` of each robot's course, shape (N,)."""
+        """Start without courses. `kind`: number in `KINDS` of each robot's course, shape (N,)."""
         self.kind = np.asarray(kind, int)
         num = len(self.kind)
         self.used = tuple(name for number, name in enumerate(KINDS) if name != "flat" and (self.kind == number).any())
@@ -116,7 +116,7 @@ class Terrain:
                 self._tabulate(rows)
 
     def restore(self, difficulty: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Lay all courses out as they were; arguments as the attributes of the same names."""
+        """Restore all courses; arguments as the attributes of the same names."""
         self.difficulty[:], self.position[:], self.quaternion[:] = difficulty, position, quaternion
         if "rough" in self.used:
             self._tabulate(np.flatnonzero(self.kind == KINDS.index("rough")))
@@ -136,7 +136,7 @@ class Terrain:
         return ground
 
     def _tabulate(self, rows: np.ndarray) -> None:
-        """Write the heights of rough ground into its table, once a course: 24 slabs are too many for every step."""
+        """Write the heights of rough ground into its table, once per course: 24 slabs are too many for every step."""
         columns = self._columns["rough"]
         grid = np.stack(np.meshgrid(*(np.arange(-half, half, CELL) + CELL / 2 for half in _TABLE), indexing="ij"), -1)
         points = grid.reshape(1, -1, 2)

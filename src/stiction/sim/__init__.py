@@ -1,1 +1,1 @@
-"""The batched simulation behind one protocol."""
+"""Batched simulation behind one protocol."""

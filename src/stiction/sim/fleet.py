@@ -1,4 +1,4 @@
-"""A fleet: copies of one robot on one clock, with named views, per-robot joint physics and dry friction.
+"""Fleet: copies of one robot on one clock, with named views, per-robot joint physics and dry friction.
 
 Training and evaluation drive robots through this one class, so that a policy meets the same joints in both. NumPy only.
 """
@@ -23,20 +23,20 @@ BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
 
 CONTACT_FORCE = 1.0
-"""Load above which a foot counts as standing [N]."""
+"""Minimum load of a foot in contact [N]."""
 
 HELD = 1e6
-"""Inertia added to what is held, see `Fleet.clamp` [kg or kg m²]: what it takes is still read from its motion."""
+"""Inertia added to clamped joints, see `Fleet.clamp` [kg or kg m²]; the load on them still shows in their motion."""
 
 
 class Fleet:
-    """`num_envs` robots of one kind, each with its own joints, masses, ground friction and, if wanted, terrain.
+    """Fleet of `num_envs` robots of one kind, each with its joints, masses, ground friction and, if wanted, terrain.
 
     All arrays are float64 and live: `friction`, `damping`, `armature` are written by the caller and act from the next
     step (armature and masses after `set_const`). Functions in `before_step` are called with the fleet before every
     physics step, those in `after_step` after it, with the ids of robots that blew up in it, those in `after_reset` with
-    reset ids. `ground` [m] is written by the caller on other than flat ground. `torque`, `foot_force`, `joint_load` lag
-    one step.
+    reset ids. `ground` [m] is written by the caller except on flat ground. `torque`, `foot_force`, `joint_load` lag one
+    step.
     """
 
     def __init__(
@@ -53,8 +53,9 @@ class Fleet:
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
-        `decimation`: physics steps of `timestep` [s] in one control period; `backend`: makes the simulation from model,
-        number and threads; `terrain`: courses of the robots; `joint_sensors`: measure `joint_load`.
+        `decimation`: physics steps of `timestep` [s] in one control period; `backend`: function that makes the
+        simulation from model, number and threads; `terrain`: courses of the robots; `joint_sensors`: measure
+        `joint_load`.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise ConfigurationError(
@@ -136,7 +137,7 @@ class Fleet:
 
     @property
     def foot_contact(self) -> np.ndarray:
-        """Whether each foot carries load, shape (N, legs); a copy."""
+        """True for each foot that carries load, shape (N, legs); a copy."""
         return self.foot_force > CONTACT_FORCE
 
     @property
@@ -191,8 +192,8 @@ class Fleet:
     def disturb(self, force: np.ndarray | None = None, torque: np.ndarray | None = None) -> None:
         """Push every robot throughout the next control period.
 
-        `force`: on the base's centre of mass, in the world [N], (N, 3); `torque`: on each joint beside that of its
-        motor [N m], (N, joints). What is not given is left as it was.
+        `force`: on the base's centre of mass, in the world [N], (N, 3); `torque`: on each joint in addition to its
+        motor's [N m], (N, joints). Omitted values stay unchanged.
         """
         if force is not None:
             self.simulation.bind("xfrc_applied")[:, self.model.body("base").id, :3] = force
@@ -200,8 +201,8 @@ class Fleet:
             self.simulation.bind("qfrc_applied")[:, BASE_DOFS:] = torque
         self._disturbed = True
 
-    def _calm(self) -> None:
-        """Take away what `disturb` put on."""
+    def _clear_disturbances(self) -> None:
+        """Set the forces and torques of `disturb` to zero."""
         self.simulation.bind("xfrc_applied")[:, self.model.body("base").id, :3] = 0.0
         self.simulation.bind("qfrc_applied")[:, BASE_DOFS:] = 0.0
         self._disturbed = False
@@ -220,7 +221,7 @@ class Fleet:
             self.blown_up[blown_up] += 1
             self.reset(blown_up)
         if self._disturbed:
-            self._calm()
+            self._clear_disturbances()
         return blown_up
 
     def substep(self) -> np.ndarray:
@@ -234,12 +235,12 @@ class Fleet:
         return blown_up
 
     def _write_friction(self) -> None:
-        """Make `friction` the bounds of the yielding springs, where there are any."""
+        """Write `friction` as the bounds of the sliders, if any."""
         if self._stiffness is not None:
             np.maximum(self.friction / self._stiffness, SMALLEST_YIELD, out=self._yield)
 
     def use_rows(self) -> None:
-        """Hold the joints by rows of the solver from now on, where sliders have held them."""
+        """Hold the joints by rows of the solver from now on, in place of sliders."""
         if self._stiffness is None:
             return
         rows = self.simulation.expand("dof_frictionloss")[:, BASE_DOFS:]
@@ -250,18 +251,18 @@ class Fleet:
         self.simulation.expand("opt.iterations")[:] = EXACT.solver_iterations
 
     def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
-        """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""
+        """Make new courses for the robots `ids`; see `Terrain.place`."""
         self.terrain.place(ids, difficulty, uniform)
         self.show_terrain(ids)
 
     def show_terrain(self, ids: np.ndarray) -> None:
-        """Put the boxes of the robots `ids` where their courses have them."""
+        """Move the boxes of the robots `ids` to their courses."""
         if self._boxes is not None:
             self._geom_position[ids] = self.terrain.position[ids]
             self._geom_quaternion[ids] = self.terrain.quaternion[ids]
 
     def ground_around(self, points: np.ndarray) -> np.ndarray:
-        """Return the height of the ground [m] at points given in the frame of base and heading, (P, 2); (N, P)."""
+        """Return the height of the ground [m] at points in the frame of base and heading, (P, 2); (N, P)."""
         yaw = self.yaw[:, None]
         cosine, sine = np.cos(yaw), np.sin(yaw)
         forward, left = points.T
@@ -308,16 +309,18 @@ class Fleet:
             forget(ids)
 
     def fallen(self) -> np.ndarray:
-        """Return whether each robot lies or is about to, shape (N,)."""
+        """Return whether each robot has fallen or is about to, shape (N,)."""
         height = self.base_position[:, 2] - self.ground
         return leans_too_far(self.base_quaternion) | too_low(height, self.spec.standing_height)
 
     def set_gravity(self, gravity: tuple[float, float, float]) -> None:
-        """Set gravity [m/s²] for every robot: off for a bench test, tilted to find a height."""
+        """Set gravity [m/s²] for every robot: zero for a bench test, tilted to test the terrain."""
         self.simulation.expand("opt.gravity")[:] = gravity
 
     def clamp(self, held: np.ndarray, base: Sequence[int] = ()) -> None:
-        """Hold the joints in `held`, (N, joints) bool, and degrees of freedom of the base, 0 to 5, by huge inertias."""
+        """Clamp the joints in `held`, (N, joints) bool, and degrees of freedom of the base, 0 to 5, by huge
+        inertias.
+        """
         # The tolerance is relative to the mean inertia: the solver would stop far from the solution.
         self.simulation.expand("opt.tolerance")[:] = 0.0
         self.armature[held] = HELD
@@ -325,7 +328,7 @@ class Fleet:
         self.set_const(np.arange(self.num_envs))
 
     def link_inertia(self) -> np.ndarray:
-        """Return the inertia that links put on each joint, standing, all others held [kg m²], (joints,)."""
+        """Return the inertia of the links at each joint, standing, all others held [kg m²], (joints,)."""
         return np.diag(standing_inertia(self.model))[BASE_DOFS:] - self.model.dof_armature[BASE_DOFS:]
 
     def stale_constants(self, env: int) -> float:
@@ -337,7 +340,7 @@ class Fleet:
         return max(float(np.max(np.abs(a - b) / np.maximum(np.abs(b), 1e-9), initial=0.0)) for a, b in pairs)
 
     def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return one robot as a model and data of its own, positions computed, to render or inspect."""
+        """Return one robot as a separate model and data, positions computed, to render or inspect."""
         model, data = self.simulation.materialize(env)
         mujoco.mj_forward(model, data)
         return model, data
@@ -353,19 +356,19 @@ SIGNALS: dict[Signal, Callable[[Fleet], np.ndarray]] = {
     "load": lambda fleet: load_size(fleet.joint_load),
     "torque": lambda fleet: fleet.torque,
 }
-"""What a law may read, shape (N, joints)."""
+"""Inputs of friction laws, shape (N, joints)."""
 
 
 class JointFriction:
     """Dry friction of a fleet's joints under one law, or under several whose bounds add up: `Fleet.friction`.
 
-    The bound is the law's level, a torque [N m] or a coefficient, (N, joints), times a factor of what the law reads;
+    The bound is the law's level, a torque [N m] or a coefficient, (N, joints), times a factor of the law's inputs;
     motor torque and transmitted load act one physics step late. `load` counts contacts, unlike the joint friction of
     PhysX.
     """
 
     def __init__(self, fleet: Fleet, *laws: Law) -> None:
-        """Begin without friction. Raises `StictionError` for a load that nothing measures, or two sensed laws."""
+        """Start without friction. Raises `StictionError` for a load without sensors, or two sensed laws."""
         sensed = [number for number, law in enumerate(laws) if law.spec.sensed]
         if len(sensed) > 1:
             raise ConfigurationError(
@@ -397,10 +400,10 @@ class JointFriction:
         ids: np.ndarray | slice = slice(None),
         numbers: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Give the robots `ids` their level under each law, shape (len(ids), joints), and the bounds of now.
+        """Set the level of each law for the robots `ids`, shape (len(ids), joints), and update their bounds.
 
-        numbers: of the laws, by name, where robots differ in them, (len(ids), joints) or (len(ids), 1); by default they
-        stay.
+        numbers: of the laws, by name, where robots differ in them, (len(ids), joints) or (len(ids), 1); unchanged by
+        default.
         """
         for level, values in zip(self.levels, levels, strict=True):
             level[ids] = values
@@ -411,7 +414,7 @@ class JointFriction:
         self.forget(ids)
 
     def forget(self, ids: np.ndarray | slice) -> None:
-        """Give the robots `ids`, which were just reset, the bounds of their present state."""
+        """Set the bounds of the robots `ids`, which were just reset, from their present state."""
         for law, level, bound in zip(self.laws, self.levels, self._bounds, strict=True):
             now = level[ids] * self.factor(law, ids)
             # Of a robot that blew up nothing is known before its reset.
@@ -434,14 +437,14 @@ class JointFriction:
         fleet.friction[:] = sum(self._bounds)
 
     def factor(self, law: Law, ids: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return what the level of one law is multiplied by now, shape (len(ids), joints), or one number."""
+        """Return the present factor of the level of one law, shape (len(ids), joints), or one number."""
         numbers = {name: values[ids] for name, values in self.numbers[self.laws.index(law)].items()}
         return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet)[ids] for name in law.spec.reads}, **numbers))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return what the next step depends on beside the simulation's state and `levels`.
+        """Return the state of the next step that is neither in the simulation nor in `levels`.
 
-        Of laws that read nothing none.
+        Empty for laws without inputs.
         """
         if not any(law.spec.reads for law in self.laws):
             return {}
@@ -452,7 +455,7 @@ class JointFriction:
         return state
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical."""
+        """Restore a `state`; the next step is then bit-identical."""
         self.forget(slice(None))
         if self._sensed is not None and state:
             self._bounds[self._sensed][:] = state["bound"]

@@ -1,4 +1,4 @@
-"""The CPU backend: MuJoCo's own batch of simulations on a pool of C threads."""
+"""CPU backend: MuJoCo's batch of simulations on a pool of C threads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STATE = (
     *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
     "plastic",
 )
-"""The part of MuJoCo's integration state that is used here: what a checkpoint must hold."""
+"""Part of MuJoCo's integration state in use, which a checkpoint must hold."""
 
 
 class Simulation(Protocol):
@@ -30,11 +30,11 @@ class Simulation(Protocol):
         ...
 
     def set_const(self, ids: np.ndarray) -> None:
-        """Recompute what derives from masses, inertias and armatures of the simulations `ids`."""
+        """Recompute the constants that depend on masses, inertias and armatures of the simulations `ids`."""
         ...
 
     def reset(self, ids: np.ndarray) -> None:
-        """Put the simulations `ids` into the standing keyframe, velocities, warm start and delay lines cleared."""
+        """Reset the simulations `ids` to the standing keyframe, with velocities, warm start and delay lines cleared."""
         ...
 
     def step(self, nstep: int) -> np.ndarray:
@@ -42,16 +42,16 @@ class Simulation(Protocol):
         ...
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
+        """Return a copy of the complete state of the next step, for a checkpoint."""
         return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; on the processor the next step is then bit-identical."""
+        """Restore a `state`; on the processor the next step is then bit-identical."""
         for name, value in state.items():
             self.bind(name)[...] = value
 
     def materialize(self, env: int) -> tuple[Any, Any]:
-        """Return one simulation as a MuJoCo model and data of its own, to render or to inspect."""
+        """Return one simulation as a separate MuJoCo model and data, to render or to inspect."""
         ...
 
 
@@ -97,7 +97,7 @@ class NativeSimulation(Simulation):
             self.batch.set_const(ids)
 
     def reset(self, ids: np.ndarray) -> None:
-        """Put `ids` into keyframe 0; the derived fields are those of the standing pose."""
+        """Reset `ids` to keyframe 0; the derived fields are those of the standing pose."""
         if len(ids):
             self.batch.reset(ids, keyframe=0)
 
@@ -107,5 +107,5 @@ class NativeSimulation(Simulation):
         return out_of_bounds(self._finite)
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
+        """Return one simulation's model, with its parameters, and its state, without derived fields."""
         return self.batch.get_model(env), self.batch.get_data(env)

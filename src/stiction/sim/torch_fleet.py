@@ -1,6 +1,6 @@
-"""A fleet whose every array is a torch tensor on the device of MuJoCo Warp, float32: nothing passes through the host.
+"""Fleet of torch tensors on the device of MuJoCo Warp, float32: nothing passes through the host.
 
-It does what training on flat ground asks of `sim.fleet.Fleet` under Coulomb's law, and no more.
+It has the part of `sim.fleet.Fleet` that training on flat ground needs under Coulomb's law, and no more.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import warp as wp
 from stiction.robots.mjcf import build_model, foot_geometries
 from stiction.robots.model import DELAY_SAMPLES, FALLEN_HEIGHT, FALLEN_UP, Robot
 from stiction.robots.physics import EXACT, PhysicsCfg
-from stiction.sim.chosen import masked, put
 from stiction.sim.fleet import BASE_DOFS, CONTACT_FORCE
+from stiction.sim.indexing import assign, to_mask
 from stiction.sim.native import STATE
 from stiction.sim.worlds import CONTACTS, Worlds
 
-LOOKED_AT = 32
-"""Control steps after which the host asks whether the contacts had room: each time it waits for the device."""
+CHECK_INTERVAL = 32
+"""Control steps between two checks of the room for contacts, each of which synchronises with the device."""
 
-READ = ("qacc", "actuator_force", "sensordata")
+READ_FIELDS = ("qacc", "actuator_force", "sensordata")
 """Derived fields that the task reads: right after a reset they are the nominal robot's in the standing pose."""
 
 
@@ -33,7 +33,7 @@ def _copied(view: Callable[[TorchFleet], torch.Tensor]) -> Any:
 
 
 class TorchFleet(Worlds):
-    """Robots of one kind on a plane. What is read is a copy; robots are chosen as `sim.chosen` says."""
+    """Robots of one kind on a plane. Values read are copies; robots are selected as in `sim.indexing`."""
 
     def __init__(
         self,
@@ -52,38 +52,42 @@ class TorchFleet(Worlds):
         """
         super().__init__(build_model(spec, timestep, physics=physics), num_envs, device, contacts)
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
-        self.home = torch.device(wp.device_to_torch(self._device))
+        self.task_device = torch.device(wp.device_to_torch(self._device))
         self.standing, self.torque_limit = spec.joint_values("default_position"), spec.joint_values("torque_limit")
         self.nominal_kp, self.nominal_kd = spec.joint_values("kp"), spec.joint_values("kd")
         self._bind()
         self._bind_model()
-        self.blown_up = torch.zeros(num_envs, dtype=torch.long, device=self.home)
-        self._lacking = torch.zeros(num_envs, dtype=torch.int32, device=self.home)
+        self.blown_up = torch.zeros(num_envs, dtype=torch.long, device=self.task_device)
+        self._lacking = torch.zeros(num_envs, dtype=torch.int32, device=self.task_device)
         self._steps = 0
         self._saved: dict[str, torch.Tensor] = {}
         self._streams: dict[int, wp.Stream] = {}
-        self.reset(torch.ones(num_envs, dtype=torch.bool, device=self.home))
+        self.reset(torch.ones(num_envs, dtype=torch.bool, device=self.task_device))
 
     def _tensor(self, array: wp.array) -> torch.Tensor:
         """Return the tensor over one of Warp's arrays, (N, ...), on the same memory."""
         return wp.to_torch(array, requires_grad=False)
 
     def _bind(self) -> None:
-        """Find the views of the data."""
+        """Create the views of the data."""
         fields = {name: getattr(self._d, name) for name in STATE if name != "time"}
         self._state = {name: self._tensor(field) for name, field in fields.items() if field.size}
-        self._results = {name: self._tensor(getattr(self._d, name)) for name in READ}
-        self._start = {name: torch.tensor(getattr(self._standing, name)).float().to(self.home) for name in READ}
+        self._results = {name: self._tensor(getattr(self._d, name)) for name in READ_FIELDS}
+        self._start = {
+            name: torch.tensor(getattr(self._standing, name)).float().to(self.task_device) for name in READ_FIELDS
+        }
         self._qpos, self._qvel, self._targets = (self._state[name] for name in ("qpos", "qvel", "ctrl"))
         joints = self.spec.num_joints
         self._delayed_targets = self._state["history"].view(self.num, joints, -1)[..., -DELAY_SAMPLES:]
         self._keys, self._overflow = self._tensor(self._key), self._tensor(self._d.overflow)
-        self._rest = torch.from_numpy(self.standing).to(self.home)
+        self._rest = torch.from_numpy(self.standing).to(self.task_device)
 
     def _bind_model(self) -> None:
-        """Give each robot the fields that are drawn, and find the views of them."""
-        own = {name: self._tensor(self._differ(f"dof_{name}")) for name in ("armature", "damping", "frictionloss")}
-        self._joints = {name: values[:, BASE_DOFS:] for name, values in own.items()}
+        """Make the randomised fields per-robot, and create views of them."""
+        values_of = {
+            name: self._tensor(self._differ(f"dof_{name}")) for name in ("armature", "damping", "frictionloss")
+        }
+        self._joints = {name: values[:, BASE_DOFS:] for name, values in values_of.items()}
         self._joints["frictionloss"].zero_()
         self._gain, self._bias, self._delay = (
             self._tensor(self._differ(f"actuator_{name}")) for name in ("gainprm", "biasprm", "delay")
@@ -97,22 +101,22 @@ class TorchFleet(Worlds):
         self._contact_time = [softness[:, foot, 0] for foot in feet]
 
     def _undo(self) -> None:
-        """Bring the state back to where it was before the first run of some work."""
+        """Restore the state before the first run of some work."""
         wp.synchronize_device(self._device)
         for name, value in self._saved.items():
             self._state[name].copy_(value)
-        torch.cuda.synchronize(self.home)
+        torch.cuda.synchronize(self.task_device)
 
     def _run(self, what: str | int, work: Callable[[], None]) -> None:
-        """Run Warp's work after what torch has begun, and torch's next after it; the host waits for neither."""
+        """Run Warp's work after torch's earlier work, and before its later work; the host waits for neither."""
         if not self._device.is_cuda:
             self._launch(what, work)
             return
         if what not in self._graphs:
             # The first run loads kernels and is undone, see `_launch`.
             self._saved = {name: value.clone() for name, value in self._state.items()}
-            torch.cuda.synchronize(self.home)
-        stream = torch.cuda.current_stream(self.home)
+            torch.cuda.synchronize(self.task_device)
+        stream = torch.cuda.current_stream(self.task_device)
         if stream.cuda_stream not in self._streams:
             self._streams[stream.cuda_stream] = wp.stream_from_torch(stream)
         ours, theirs = self._device.stream, self._streams[stream.cuda_stream]
@@ -122,7 +126,7 @@ class TorchFleet(Worlds):
 
     def _choose(self, which: torch.Tensor) -> torch.Tensor:
         """Give the worlds `which` the key 0, all others none; return their mask."""
-        mask = masked(which, self.num)
+        mask = to_mask(which, self.num)
         self._keys.copy_(torch.where(mask, 0, -1))
         return mask
 
@@ -141,11 +145,11 @@ class TorchFleet(Worlds):
 
     @property
     def foot_contact(self) -> torch.Tensor:
-        """Whether each foot carries load, (N, feet) bool."""
+        """True for each foot that carries load, (N, feet) bool."""
         return self._results["sensordata"][:, : len(self.spec.feet)] > CONTACT_FORCE
 
     def fallen(self) -> torch.Tensor:
-        """Return whether each robot lies or is about to, (N,) bool."""
+        """Return whether each robot has fallen or is about to, (N,) bool."""
         up = 1.0 - 2.0 * self._qpos[:, 4:6].square().sum(-1)
         return (up < FALLEN_UP) | (self._qpos[:, 2] < FALLEN_HEIGHT * self.spec.standing_height)
 
@@ -156,22 +160,22 @@ class TorchFleet(Worlds):
     def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
         """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
         before = self._qvel[:, :2] if which.dtype == torch.bool else self._qvel[which, :2]
-        put(self._qvel[:, :2], which, before + velocity)
+        assign(self._qvel[:, :2], which, before + velocity)
 
-    def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """Give the robots `which` parameters, as of `Randomizer.apply`, and recompute what derives from them."""
+    def set_parameters(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
+        """Apply parameters to the robots `which`, as of `Randomizer.apply`, and recompute the derived constants."""
         for name, field in self._joints.items():
-            put(field, which, values[name])
-        put(self._gain[..., 0], which, values["kp"])
-        put(self._bias[..., 1], which, -values["kp"])
-        put(self._bias[..., 2], which, -values["kd"])
-        put(self._delay, which, values["delay"])
+            assign(field, which, values[name])
+        assign(self._gain[..., 0], which, values["kp"])
+        assign(self._bias[..., 1], which, -values["kp"])
+        assign(self._bias[..., 2], which, -values["kd"])
+        assign(self._delay, which, values["delay"])
         for foot in self._foot_friction:
-            put(foot, which, values["ground_friction"][:, 0])
+            assign(foot, which, values["ground_friction"][:, 0])
         for foot in self._contact_time if "contact_time" in values else ():
-            put(foot, which, values["contact_time"][:, 0])
-        put(self._base_mass, which, values["base_mass"])
-        put(self._base_com, which, values["base_com"])
+            assign(foot, which, values["contact_time"][:, 0])
+        assign(self._base_mass, which, values["base_mass"])
+        assign(self._base_com, which, values["base_com"])
         self._choose(which)
         self._run("constants", self._derive)
 
@@ -189,26 +193,27 @@ class TorchFleet(Worlds):
         mask = self._choose(which)
         self._run("reset", self._stand)
         for name, view in self._results.items():
-            put(view, mask, self._start[name])
-        put(self._targets, mask, self._rest)
-        put(self._delayed_targets, mask, self._rest[:, None])
+            assign(view, mask, self._start[name])
+        assign(self._targets, mask, self._rest)
+        assign(self._delayed_targets, mask, self._rest[:, None])
         if offset is not None:
-            put(self._qpos[:, 7:], which, self._rest + offset.double())
+            assign(self._qpos[:, 7:], which, self._rest + offset.double())
         if heading is not None:
             half, zero = heading.double() / 2, torch.zeros_like(heading, dtype=torch.float64)
-            put(self._qpos[:, 3:7], which, torch.stack((half.cos(), zero, zero, half.sin()), -1))
+            assign(self._qpos[:, 3:7], which, torch.stack((half.cos(), zero, zero, half.sin()), -1))
         if velocity is not None:
-            put(self._qvel[:, :BASE_DOFS], which, velocity)
+            assign(self._qvel[:, :BASE_DOFS], which, velocity)
 
     def step(self) -> torch.Tensor:
-        """Advance one control period; return which robots blew up, (N,) bool: counted, and reset to standing.
+        """Advance one control period; return the mask of robots that blew up, (N,) bool: counted, and reset to
+        standing.
 
-        Raises `StictionError` where a robot had more contacts than there was room for.
+        Raises `StictionError` where a robot had more contacts than the room for them.
         """
         self._run(self.decimation, lambda: self._advance(self.decimation))
         self._lacking |= self._overflow
         self._steps += 1
-        if self._steps % LOOKED_AT == 0:
+        if self._steps % CHECK_INTERVAL == 0:
             self.check()
         sizes = [view.abs().sum(-1) for view in (self._qpos, self._qvel, self._results["qacc"])]
         # Not `>=`: with NaN every comparison is false.
@@ -220,15 +225,15 @@ class TorchFleet(Worlds):
         return blown_up
 
     def check(self) -> None:
-        """Wait for the device; raise `StictionError` where a robot had more contacts than there was room for."""
+        """Wait for the device; raise `StictionError` where a robot had more contacts than the room for them."""
         self._check_room(self._lacking.cpu().numpy())
 
     def state(self) -> dict[str, torch.Tensor]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
+        """Return a copy of the complete state of the next step, for a checkpoint."""
         self.check()
         return {name: value.clone() for name, value in self._state.items()}
 
     def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Restore what `state` returned."""
+        """Restore a `state`."""
         for name, value in self._state.items():
             value.copy_(state[name].view(value.shape))

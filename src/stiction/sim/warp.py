@@ -1,4 +1,4 @@
-"""The GPU backend: MuJoCo Warp, one world a robot, float32, tested on Warp's own processor device.
+"""GPU backend: MuJoCo Warp, one world per robot, float32, tested on Warp's own processor device.
 
 The solver's tolerance is 1e-6 at best; derived fields of reset robots are those of the *nominal* robot; on a GPU sums
 are taken in any order, so that runs are not reproducible bit by bit.
@@ -21,12 +21,12 @@ from stiction.sim.worlds import CONTACTS, DERIVED, Worlds
 # Fields are written by whoever holds a view of them (fleets, friction laws, audits): a flag that each had to set would
 # be forgotten once, and the write then do nothing. To compare all fields with copies costs every step.
 class Flagged(np.ndarray):
-    """An array that notes when it, or a view of it, is written; what is computed from it is a plain array."""
+    """Array that records writes to it or to its views; results of computations with it are plain arrays."""
 
     mirror: Mirror | None = None
 
     def __array_finalize__(self, of: Any) -> None:
-        """Let views write through; a copy that is written says so too, which costs an upload and no error."""
+        """Let views write through; a write to a copy sets the flag too, which costs an upload but is no error."""
         self.mirror = getattr(of, "mirror", None)
 
     def _wrote(self) -> np.ndarray:
@@ -44,16 +44,16 @@ class Flagged(np.ndarray):
         self._wrote().fill(value)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
-        """Compute with plain arrays; an in-place operation gives itself as `out`, `np.add.at` as what it adds to."""
+        """Compute with plain arrays; an in-place operation has itself as `out`, `np.add.at` as its first input."""
         if method == "at" and isinstance(inputs[0], Flagged):
             inputs = (inputs[0]._wrote(), *inputs[1:])
         if out is not None:
-            options["out"] = tuple(one._wrote() if isinstance(one, Flagged) else one for one in out)
-        found = getattr(ufunc, method)(*map(_plain, inputs), **options)
-        return found if out is None else out[0] if len(out) == 1 else out
+            options["out"] = tuple(target._wrote() if isinstance(target, Flagged) else target for target in out)
+        result = getattr(ufunc, method)(*map(_plain, inputs), **options)
+        return result if out is None else out[0] if len(out) == 1 else out
 
     def __array_function__(self, func: Callable, types: Any, args: Any, kwargs: Any) -> Any:
-        """Compute with plain arrays, and note the two ways in which NumPy's functions write."""
+        """Compute with plain arrays, and record the two ways in which NumPy's functions write."""
         if func is np.copyto and isinstance(args[0], Flagged):
             args = (args[0]._wrote(), *args[1:])
         if isinstance(kwargs.get("out"), Flagged):
@@ -67,7 +67,7 @@ def _plain(value: Any) -> Any:
 
 
 class Mirror:
-    """One device array and its host twin: float64 where the device has float32, which loses nothing on the way back."""
+    """Device array and its host twin: float64 for the device's float32, without loss on the way back."""
 
     def __init__(self, device: wp.array, shape: tuple[int, ...]) -> None:
         """Copy the device array. `shape`: of the host twin, (num, ...) as MuJoCo has it."""
@@ -80,32 +80,32 @@ class Mirror:
 
     @property
     def host(self) -> np.ndarray:
-        """The host twin, to be written: that sets `written`."""
+        """Host twin for writing, which sets `written`."""
         host = self.values.view(Flagged)
         host.mirror = self
         return host
 
     @property
     def view(self) -> np.ndarray:
-        """The host twin, read only."""
+        """Host twin, read-only."""
         view = self.values.view()
         view.flags.writeable = False
         return view
 
     def upload(self, always: bool = False) -> None:
-        """Bring the device up to the host, where that was written since they last agreed, or `always`."""
+        """Upload the host twin if it was written since the last transfer, or `always`."""
         if always or self.written:
             self.device.assign(self.values.astype(self._device_type).reshape(self._device_shape))
             self.written = False
 
     def download(self) -> None:
-        """Bring the host up to the device."""
+        """Download the device array to the host."""
         self.values[...] = self.device.numpy().reshape(self.values.shape)
         self.written = False
 
 
 class WarpSimulation(Worlds, Simulation):
-    """`Simulation` on MuJoCo Warp, with fields on the host; `step` uploads what was written, then downloads."""
+    """`Simulation` on MuJoCo Warp, with fields on the host; `step` uploads written fields, then downloads."""
 
     def __init__(
         self, model: mujoco.MjModel, num: int, threads: int = 1, device: str = "cpu", contacts: int = CONTACTS
@@ -129,11 +129,11 @@ class WarpSimulation(Worlds, Simulation):
         return Mirror(getattr(self._d, name), (self.num, *getattr(self._standing, name).shape))
 
     def _undo(self) -> None:
-        """Bring the device up to the host."""
+        """Upload the host's state to the device."""
         self._upload(always=True)
 
     def _upload(self, always: bool = False) -> None:
-        """Bring the device up to the host."""
+        """Upload the host's state to the device."""
         for mirror in (*self._state.values(), *self._fields.values()):
             mirror.upload(always)
 
@@ -155,22 +155,22 @@ class WarpSimulation(Worlds, Simulation):
         return self._results[name].view
 
     def expand(self, name: str) -> np.ndarray:
-        """Return the live array of a model field, (num, ...). Raises `StictionError` for one not seen to act."""
+        """Return the live array of a model field, (num, ...). Raises `StictionError` for an unsupported one."""
         if name not in self._fields:
-            own = self._differ(name)
+            values = self._differ(name)
             shape = np.shape(getattr(self._owner(self.model, name), name.removeprefix("opt.")))
-            self._fields[name] = Mirror(own, (self.num, *shape))
+            self._fields[name] = Mirror(values, (self.num, *shape))
         return self._fields[name].host
 
     def set_const(self, ids: np.ndarray) -> None:
-        """Recompute the constants derived from masses, inertias and armatures, on the device."""
+        """Recompute the constants that depend on masses, inertias and armatures, on the device."""
         if len(ids):
             self._upload()
             self._choose(ids)
             self._launch("constants", self._derive)
 
     def reset(self, ids: np.ndarray) -> None:
-        """Put `ids` into keyframe 0, on the device; the derived fields are the nominal robot's in the standing pose."""
+        """Reset `ids` to keyframe 0, on the device; derived fields are the nominal robot's in the standing pose."""
         if not len(ids):
             return
         self._choose(ids)
@@ -195,7 +195,7 @@ class WarpSimulation(Worlds, Simulation):
         return out_of_bounds(self._finite)
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
+        """Return one simulation's model, with its parameters, and its state, without derived fields."""
         model = copy.copy(self.model)
         for name in DERIVED:
             values = getattr(self._m, name).numpy()[env]

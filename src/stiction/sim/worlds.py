@@ -1,4 +1,6 @@
-"""Many worlds of MuJoCo Warp, run on a GPU as graphs; `sim.warp` fills them from the host, `sim.torch_fleet` there."""
+"""Many worlds of MuJoCo Warp, run on a GPU as graphs; `sim.warp` fills them from the host, `sim.torch_fleet` on the
+device.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from stiction.core.errors import EngineError
 
 @wp.kernel(enable_backward=False)
 def restart_clocks(stamps: wp.array[int], time: wp.array[float], history: wp.array2d[float]):
-    """Count the delay lines' time stamps from now."""
+    """Restart the delay lines' time stamps from now."""
     world, k = wp.tid()
     history[world, stamps[k]] = history[world, stamps[k]] - time[world]
 
@@ -37,7 +39,7 @@ def place_still(
     world_position: wp.array2d[wp.vec3],
     world_rotation: wp.array2d[wp.mat33],
 ):
-    """Put the geoms of the world itself where the model has them; Warp does so only once, before the first step."""
+    """Place the geoms of the world body as in the model; Warp does so only once, before the first step."""
     world, k = wp.tid()
     geom = still[k]
     q = quaternion[world % quaternion.shape[0], geom]
@@ -53,20 +55,20 @@ def rows_of(array: wp.array) -> wp.array:
 
 
 def delay_stamps(model: mujoco.MjModel) -> np.ndarray:
-    """Return the columns of `history` that hold times: each delay line is two numbers, its times, its values."""
+    """Return the columns of `history` with times: each delay line is two numbers, its times, its values."""
     starts = np.concatenate((model.actuator_historyadr, model.sensor_historyadr))
     counts = np.concatenate((model.actuator_history[:, 0], model.sensor_history[:, 0]))
     return np.concatenate([start + 2 + np.arange(count) for start, count in zip(starts, counts, strict=True)])
 
 
 def rows_per_contact(model: mujoco.MjModel) -> int:
-    """Return how many rows of the solver one contact takes at most."""
+    """Return the maximum number of the solver's rows per contact."""
     largest = int(model.geom_condim.max(initial=1))
     return max(1, 2 * (largest - 1)) if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL else largest
 
 
 def cuda_device(number: int = 0) -> str:
-    """Return the name of one of Warp's CUDA devices. Raises `StictionError` where it has none of that number."""
+    """Return the name of one of Warp's CUDA devices. Raises `StictionError` for a number without a device."""
     if not wp.is_cuda_available():
         raise EngineError(
             "MuJoCo Warp finds no CUDA device (no NVIDIA driver, or none that this machine lets it see); "
@@ -81,7 +83,7 @@ def cuda_device(number: int = 0) -> str:
 wp.config.log_level = wp.LOG_WARNING
 
 CONTACTS = 32
-"""Contacts for which there is room, a robot; the robots share it."""
+"""Room for contacts, per robot; the robots share it."""
 
 FIELDS = (
     *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
@@ -92,14 +94,15 @@ FIELDS = (
 `native`."""
 
 DERIVED = ("body_subtreemass", "dof_invweight0", "body_invweight0", "actuator_acc0")
-"""What `set_const` recomputes and the physics uses."""
+"""Constants that `set_const` recomputes and the physics uses."""
 
 ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
-"""Not a lack of room: the solver stopped before its tolerance, as native MuJoCo does without a word."""
+"""Flag for a solver that stopped before its tolerance, which is not a lack of room; native MuJoCo does not report
+it."""
 
 
 FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-"""Flags that Warp refuses because it has neither: the reset of a world that blew up, and trees of geoms."""
+"""Flags for features that Warp lacks: the reset of a world that blew up, and trees of geoms."""
 
 
 class Worlds(ABC):
@@ -109,7 +112,7 @@ class Worlds(ABC):
     """
 
     def __init__(self, model: mujoco.MjModel, num: int, device: str, contacts: int) -> None:
-        """Put the model on Warp's `device`, `cpu` or `cuda:0`; `contacts`: room for them, a world."""
+        """Load the model on Warp's `device`, `cpu` or `cuda:0`; `contacts`: room for them, per world."""
         self.num, self.model, self.contacts = num, model, contacts
         self._device = wp.get_device(device)
         model = copy.copy(model)
@@ -132,7 +135,7 @@ class Worlds(ABC):
 
     @abstractmethod
     def _undo(self) -> None:
-        """Bring the worlds back to where they were before the first run of some work."""
+        """Restore the state before the first run of some work."""
 
     def _launch(self, what: str | int, work: Callable[[], None]) -> None:
         """Run `work` on the device, on a GPU as a graph that is captured once: a launch costs more than a kernel."""
@@ -150,9 +153,9 @@ class Worlds(ABC):
             wp.capture_launch(self._graphs[what])
 
     def _differ(self, name: str) -> wp.array:
-        """Give a model field values of each world's own; return them.
+        """Make a model field per-world; return its values.
 
-        Raises `StictionError` for one not seen to act.
+        Raises `StictionError` for an unsupported field.
         """
         if name not in FIELDS:
             raise EngineError(
@@ -161,19 +164,19 @@ class Worlds(ABC):
             )
         owner, attribute = self._owner(self._m, name), name.removeprefix("opt.")
         shared = getattr(owner, attribute)
-        own = wp.array(np.repeat(shared.numpy(), self.num, axis=0), dtype=shared.dtype, device=self._device)
-        setattr(owner, attribute, own)
+        per_world = wp.array(np.repeat(shared.numpy(), self.num, axis=0), dtype=shared.dtype, device=self._device)
+        setattr(owner, attribute, per_world)
         # A captured graph would go on reading the array that was replaced.
         self._graphs.clear()
-        return own
+        return per_world
 
     @staticmethod
     def _owner(model: mujoco.MjModel | mjw.Model, name: str) -> object:
-        """Return what holds a field: the model, or its options."""
+        """Return the owner of a field: the model, or its options."""
         return model.opt if name.startswith("opt.") else model
 
     def _derive(self) -> None:
-        """Recompute the constants of all worlds, and put back those of the worlds without a key."""
+        """Recompute the constants of all worlds, and restore those of the worlds without a key."""
         rows = [rows_of(getattr(self._m, name)) for name in DERIVED]
         for before, now in zip(self._before, rows, strict=True):
             wp.copy(before, now)
@@ -183,11 +186,11 @@ class Worlds(ABC):
             wp.launch(keep_others, now.shape, [self._key, before], [now])
 
     def _stand(self) -> None:
-        """Put the worlds with a key into keyframe 0; derived fields are left as they are."""
+        """Reset the worlds with a key to keyframe 0; derived fields stay unchanged."""
         mjw.reset_data_keyframe(self._m, self._d, self._key)
 
     def _advance(self, nstep: int) -> None:
-        """Take physics steps, then set the clocks back to zero."""
+        """Take physics steps, then reset the clocks to zero."""
         wp.launch(
             place_still,
             (self.num, self._still.size),
@@ -200,7 +203,7 @@ class Worlds(ABC):
         self._d.time.zero_()
 
     def _check_room(self, overflow: np.ndarray) -> None:
-        """Raise `StictionError` where a robot had more contacts than there was room for; `overflow`: flags, (num,)."""
+        """Raise `StictionError` where a robot had more contacts than the room for them; `overflow`: flags, (num,)."""
         lacking = overflow & ~int(ITERATED)
         if lacking.any():
             names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name

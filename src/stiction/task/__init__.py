@@ -1,4 +1,4 @@
-"""The task: commands, rewards, randomisation, and the vectorised environment."""
+"""Task: commands, rewards, randomisation, and the vectorised environment."""
 
 import os
 

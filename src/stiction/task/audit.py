@@ -1,4 +1,4 @@
-"""Measures that every randomised parameter changes the physics as its own formula says.
+"""Audit of every randomised parameter: it must change the physics as its formula says.
 
 For each, robots with its two ends are simulated, and the *difference* of their motion is compared with the formula's:
 share = <measured, expected> / <expected, expected> is 1 where the parameter acts as it should and 0 where it does
@@ -21,31 +21,31 @@ from stiction.task.env import LocomotionEnv
 from stiction.task.friction import NUMBERS
 
 TOLERANCE = 0.1
-"""Largest deviation of a share from 1; the errors of physics step and soft contacts are well under it."""
+"""Maximum deviation of a share from 1; the errors of physics step and soft contacts are well under it."""
 
 AUDIT_LEVEL = 0.1
-"""Friction level of the audit where the task names none."""
+"""Default friction level of the audit."""
 
 DOWN = (0.0, 0.0, -GRAVITY)
 """Gravity [m/s²]."""
 
 SLIDING_SPAN = 0.3
-"""Largest difference of ground friction that is measured: a robot that brakes harder has stopped before the end."""
+"""Maximum difference of ground friction in a measurement: with more, the robot stops before the end."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """The audit of one parameter."""
+    """Audit of one parameter."""
 
     parameter: str
-    """Field of `RandomizationCfg`, or `friction`, or `load_coefficient` beside it, or a check of its own."""
+    """Field of `RandomizationCfg`, or `friction`, or `load_coefficient`, or the name of another check."""
     quantity: str
     share: float
-    """Measured over expected effect, of the worst joint; NaN where the formula expects none."""
+    """Measured over expected effect, of the worst joint; NaN if the formula expects none."""
 
     @property
     def ok(self) -> bool:
-        """Whether the parameter does what it says."""
+        """True if the parameter acts as expected."""
         return abs(self.share - 1.0) <= TOLERANCE
 
     @property
@@ -59,7 +59,7 @@ class AuditRow:
 
 
 def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
-    """Return <measured, expected> / <expected, expected> of the row furthest from 1, NaN where one expects nothing."""
+    """Return <measured, expected> / <expected, expected> of the row furthest from 1, NaN where one expects zero."""
     measured, expected = np.atleast_2d(measured), np.atleast_2d(expected)
     norm = np.sum(expected * expected, axis=1)
     if (norm < 1e-18).any():
@@ -69,7 +69,7 @@ def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
 
 
 def audit_joints(stand: Stand) -> list[AuditRow]:
-    """Check what acts in a joint but for friction, by step responses; damping where a nominal one is known."""
+    """Check the joint parameters other than friction, by step responses; damping if a nominal one is known."""
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
     spans = {name: getattr(cfg.randomization, name) for name in names}
@@ -85,7 +85,7 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
 
 
 def audit_friction(stand: Stand) -> list[AuditRow]:
-    """Check the law of friction at the largest multiplier, and the coefficient of load beside it."""
+    """Check the law of friction at the largest multiplier, and the load coefficient in addition."""
     cfg, rows = stand.cfg.friction, []
     most = cfg.last.range[1]
     if most > 0.0 and cfg.level != 0.0:
@@ -112,7 +112,7 @@ def _friction_rows(parameter: str, bench: FrictionBench) -> list[AuditRow]:
 
 
 def audit_body(stand: Stand) -> list[AuditRow]:
-    """Check masses and ground friction, by what a hanging robot weighs and where, and by sliding."""
+    """Check masses by the weight and the moment of a hanging robot, and ground friction by sliding."""
     cfg, rows = stand.cfg.randomization, []
     if cfg.payload[0] < cfg.payload[1]:
         low, high = (stand.hanging(DOWN, payload=end)[2] for end in cfg.payload)
@@ -135,7 +135,7 @@ def audit_body(stand: Stand) -> list[AuditRow]:
 
 
 def sunk_at(time: float, depth: float, other: float) -> float:
-    """Return how deep feet sink [m] at a time constant [s], from the `depth` that the same load has at `other`.
+    """Return the depth of the feet [m] at a time constant [s], from the `depth` of the same load at `other`.
 
     A load N sinks r with N = c r d(r)^2 / ((1 - d(r)) T^2), d(r) MuJoCo's impedance.
     """
@@ -163,7 +163,7 @@ def _center_of_mass(stand: Stand, axis: int) -> AuditRow:
 
 
 def audit_env(cfg: TaskCfg) -> list[AuditRow]:
-    """Check what acts in the task itself: pushes, encoder offsets, the ranges drawn, and derived constants."""
+    """Check parameters of the task itself: pushes, encoder offsets, the ranges drawn, and derived constants."""
     quiet = replace(cfg.noise, angular_velocity=0.0, roll_pitch=0.0, joint_position=0.0, joint_velocity=0.0)
     bound, interval = cfg.randomization.push_velocity, cfg.randomization.push_interval
     every_step = replace(cfg.randomization, push_interval=cfg.control_period if interval else 0.0)
@@ -215,7 +215,7 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
 
 
 def _range_of(cfg: TaskCfg, name: str) -> tuple[float, float]:
-    """Return the lower and the upper end of what is drawn."""
+    """Return the lower and the upper end of a range."""
     friction = cfg.friction
     if name == "load_coefficient":
         return friction.load or (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""A test stand for randomised robots: one joint at a time in the air, the whole robot hanging or sliding.
+"""Test stand for randomised robots: one joint at a time in the air, the whole robot hanging or sliding.
 
 Robots are randomised through the `Randomizer` of training; formulas use the draws and the specification alone. Where a
 friction law reads the load, gravity is along the joint's axis; where it reads the motor's torque, the motor is at its
@@ -24,25 +24,25 @@ from stiction.task.randomization import Randomizer, nominal_joints
 from stiction.task.task_fleet import HostFleet
 
 STEP = 0.15
-"""Largest step of a joint's target on the stand [rad]."""
+"""Maximum step of a joint's target on the stand [rad]."""
 
 STEP_TORQUE = 0.8
-"""Largest torque that a step asks for, over the motor's limit: what saturates hides what it should show."""
+"""Maximum requested torque of a step, over the motor's limit: saturation would hide the effect."""
 
 BENCH_SECONDS = 0.3
 """Length of a run on the stand [s]."""
 
 SETTLE = 20
-"""Physics steps of a robot that hangs, and of a joint before its run, without a torque on it."""
+"""Physics steps without torque of a hanging robot, and of a joint before its run."""
 
 FREE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
 
 
 class Stand:
-    """One robot of a task on a stand, at the task's own physics step."""
+    """Robot of a task on a stand, at the task's physics step."""
 
     def __init__(self, spec: Robot, cfg: TaskCfg) -> None:
-        """`cfg`: the task; friction is nominally that of its level."""
+        """Prepare the stand; `cfg`: the task; friction is nominally that of its level."""
         self.spec, self.cfg = spec, cfg
         self.steps = np.minimum(STEP, STEP_TORQUE * spec.joint_values("torque_limit") / spec.joint_values("kp"))
 
@@ -61,7 +61,7 @@ class Stand:
         return fleet, randomizer
 
     def joint_motion(self, **draws: float) -> np.ndarray:
-        """Return each joint's angle after a step of its target, all else held, (joints, samples)."""
+        """Return each joint's angle after a step of its target, all other joints held, (joints, samples)."""
         joints = self.spec.num_joints
         fleet, _ = self.fleet(joints, **draws)
         fleet.set_gravity((0.0, 0.0, 0.0))
@@ -84,7 +84,7 @@ class Stand:
         motor_strength: float = 1.0,
         action_delay: float = 0.0,
     ) -> np.ndarray:
-        """Return what I q'' + B q' = τ gives for the same step, (joints, samples)."""
+        """Return the solution of I q'' + B q' = τ for the same step, (joints, samples)."""
         fleet = Fleet(self.spec, 1, self.cfg.timestep, self.cfg.decimation)
         # The reference joins its targets by straight lines: a finer grid makes the step a step.
         links, step = fleet.link_inertia(), fleet.timestep / FINE
@@ -119,7 +119,7 @@ class Stand:
         return HELD * fleet.qvel[0, :BASE_DOFS] / (SETTLE * fleet.timestep)
 
     def settled(self, seconds: float, **draws: float) -> Fleet:
-        """Return a robot that has stood for a while, joints held and the trunk kept from turning."""
+        """Return a robot after a while of standing, joints held and the trunk kept from turning."""
         fleet, _ = self.fleet(1, **draws)
         fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(3, BASE_DOFS))
         for _ in range(round(seconds / fleet.control_period)):
@@ -127,12 +127,12 @@ class Stand:
         return fleet
 
     def sunk(self, **draws: float) -> float:
-        """Return how far the feet have sunk into the ground [m]."""
+        """Return the depth of the feet in the ground [m]."""
         fleet = self.settled(1.0, **draws)
         return float(self.spec.standing_height - fleet.base_position[0, 2])
 
     def slide(self, **draws: float) -> float:
-        """Return the deceleration [m/s²] of a robot that slides on its feet over half a second, kept from turning."""
+        """Return the deceleration [m/s²] of a robot that slides on its feet for half a second, kept from turning."""
         fleet = self.settled(0.5, **draws)
         half_second = round(0.5 / fleet.control_period)
         fleet.qvel[:, 0] = start = 3.0
@@ -145,7 +145,7 @@ SECONDS = 0.2
 """Length of a run [s]."""
 
 FINE = 10
-"""Steps of a formula's integration in one physics step."""
+"""Steps of a formula's integration per physics step."""
 
 SHARES = np.linspace(0.9, 1.1, 11)
 """Torques of the search for the break-away, over the bound at rest."""
@@ -159,35 +159,35 @@ HOLD, SLIDE = 0.9, 1.3
 
 @dataclass(frozen=True)
 class LoadedJoint:
-    """What a law's formula uses of each joint, arrays of shape (joints,)."""
+    """Properties of each joint in a law's formula, arrays of shape (joints,)."""
 
     level: np.ndarray
     """Friction f_c [N m], or the coefficient."""
     inertia: np.ndarray
-    """Rotor and links, all other joints held [kg m²]."""
+    """Inertia of rotor and links, all other joints held [kg m²]."""
     damping: np.ndarray
     """[N m s/rad]."""
     limit: np.ndarray
-    """Torque of the motor at its limit [N m]."""
+    """Torque limit of the motor [N m]."""
     mass: np.ndarray
-    """Of all links behind the joint [kg]."""
+    """Mass of all links behind the joint [kg]."""
     outer_inertia: np.ndarray
-    """Of those links about an axis through their centre of mass, parallel to the joint's [kg m²]."""
+    """Inertia of those links about an axis through their centre of mass, parallel to the joint's [kg m²]."""
     axis: np.ndarray
     """Direction of the joint's axis, shape (joints, 3)."""
     arm: np.ndarray
-    """From the axis to the centre of mass of the links behind, across the axis [m], shape (joints, 3)."""
+    """Vector from the axis to the centre of mass of the links behind, across the axis [m], shape (joints, 3)."""
     lever: np.ndarray
-    """From the first link's centre of mass to that of all links behind [m], shape (joints, 3)."""
+    """Vector from the first link's centre of mass to that of all links behind [m], shape (joints, 3)."""
 
 
 class FrictionBench:
     """Runs in one batch: for each joint a search of break-away, a run below the bound, one above, one coasting."""
 
     def __init__(self, stand: Stand, multiplier: float, coefficient: float = 0.0, **numbers: float) -> None:
-        """Prepare robots with `multiplier` times their friction, or in its place a `coefficient` of the load.
+        """Prepare robots with `multiplier` times their friction, or instead a `coefficient` of the load.
 
-        numbers: of the law, by name, that are drawn.
+        numbers: drawn numbers of the law, by name.
         """
         law = stand.cfg.friction.joint_law
         self.stand, self.law = stand, Law("load") if coefficient else Law(law.name, **law.numbers | numbers)
@@ -205,14 +205,14 @@ class FrictionBench:
         self.speed[coasting] = COAST * SECONDS * self.bound_at_rest() / self.known.inertia
 
     def bound(self, speed: np.ndarray, acceleration: np.ndarray, joint: np.ndarray) -> np.ndarray:
-        """Return the friction that the formula gives [N m] for entries of some `joint` [rad/s, rad/s²]."""
+        """Return the friction of the formula [N m] for entries of some `joint` [rad/s, rad/s²]."""
         known = self.known
         force, torque = transmitted(known, speed, acceleration, joint)
         load = np.linalg.norm(force, axis=1) + np.linalg.norm(torque, axis=1)
         return known.level[joint] * self.law.factor(velocity=speed, load=load, torque=known.limit[joint])
 
     def bound_at_rest(self) -> np.ndarray:
-        """Return the largest friction at rest [N m], shape (joints,)."""
+        """Return the maximum friction at rest [N m], shape (joints,)."""
         zero = np.zeros(self.joints)
         return self.bound(zero, zero, np.arange(self.joints))
 
@@ -303,7 +303,9 @@ class FrictionBench:
         return begin - width / 2
 
     def slowed(self, coasting: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Return what friction did to the speed of the run that slides or coasts: measured, expected; (joints, T)."""
+        """Return the effect of friction on the speed of the sliding or coasting run: measured, expected; (joints,
+        T).
+        """
         run = np.s_[self.runs - (1 if coasting else 2) :: self.runs]
         free = self.free[run]
         return self.measured[run] - free, self.expected[run] - free
@@ -324,7 +326,7 @@ def transmitted(
 
 
 def loaded_joints(fleet: Fleet, level: np.ndarray) -> LoadedJoint:
-    """Return what loads each joint where gravity is along its axis, robot standing; `level`: shape (joints,)."""
+    """Return the load of each joint with gravity along its axis, robot standing; `level`: shape (joints,)."""
     model, data = fleet.data(0)
     mujoco.mj_comPos(model, data)
     axis, bodies = data.xaxis[1:], model.jnt_bodyid[1:]

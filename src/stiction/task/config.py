@@ -1,4 +1,4 @@
-"""Configuration of the task: what is commanded, rewarded, randomised. No torch, no mujoco."""
+"""Configuration of the task: commands, rewards, randomisation. No torch, no mujoco."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ UNEVEN = "--terrain slopes, rough, stairs or mixed"
 LONGEST_HISTORY = 200
 
 SHORTEST_STEP, MOST_STEPS = 1e-5, 1000
-"""Shortest physics step [s], and most of them in a control period: what is beyond simulates seconds in days."""
+"""Minimum physics step [s], and maximum number in a control period: beyond, seconds take days to simulate."""
 
 LONGEST_EPISODE = 3600.0
-"""[s]. A training of the field has 20 s."""
+"""Maximum length of an episode [s]; 20 s is common."""
 
 MOST_CLIP = 1000.0
-"""Largest bound of an action; scaled, it is far beyond any joint."""
+"""Maximum bound of an action; scaled, it is far beyond any joint."""
 
 SLOWEST = 20.0
-"""Longest time constant of slow means [s]: an episode."""
+"""Maximum time constant of slow means [s]: an episode."""
 
 
 def check_spans(owner: object, lowest: dict[str, float]) -> None:
-    """Raise `StictionError` for ranges with ends the wrong way round, or below what `lowest` has for the field."""
+    """Raise `StictionError` for ranges with swapped ends, or below the bound of the field in `lowest`."""
     for name, least in lowest.items():
         low, high = getattr(owner, name)
         if not least <= low <= high < float("inf"):
@@ -52,7 +52,7 @@ NOT_NEGATIVE = ("damping", "ground_friction", "action_delay", "known_friction")
 
 @dataclass(frozen=True)
 class RandomizationCfg:
-    """Table II of the paper, and two rows that every method shares here. Drawn uniformly at each reset."""
+    """Table II of the paper, and two more rows shared by all methods. Drawn uniformly at each reset."""
 
     armature: tuple[float, float] = (0.8, 1.2)
     """Multiplier of each joint's rotor inertia."""
@@ -63,34 +63,34 @@ class RandomizationCfg:
     motor_strength: tuple[float, float] = (0.8, 1.2)
     """Multiplier k_motor of each joint's commanded torque; the torque limit stays."""
     ground_friction: tuple[float, float] = (0.2, 2.0)
-    """Multiplier of the sliding friction coefficient, nominally 1."""
+    """Multiplier of the sliding friction coefficient, whose nominal value is 1."""
     contact_time: Annotated[tuple[float, float], FLAG] = (CONTACT_TIME, CONTACT_TIME)
     """Time constant of the contact of feet and ground [s]; shorter is stiffer, down to two physics steps. Not in the
-    paper. A light robot that has only walked on soft ground runs too fast on hard ground: `results/robots`."""
+    paper. A light robot trained only on soft ground runs too fast on hard ground: `results/robots`."""
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
-    """Shift of the trunk's centre of mass forward [m], of a trunk as long as that of the paper's robot; sideways, up,
-    and on other trunks as much in proportion."""
+    """Shift of the trunk's centre of mass forward [m], for a trunk as long as that of the paper's robot; sideways, up,
+    and on other trunks in proportion."""
     push_interval: float = field(
         default=8.0, metadata=needs("--set task.randomization.push_velocity above 0", lambda cfg: cfg.push_velocity > 0)
     )
     """Time between pushes [s]; 0 for none."""
     push_velocity: float = 1.0
-    """Largest velocity added to the base by a push, in each horizontal direction [m/s]."""
+    """Maximum velocity added to the base by a push, in each horizontal direction [m/s]."""
     action_delay: tuple[float, float] = (0.0, 0.02)
     """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper."""
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
     standing_start: float = 0.0
-    """Share of episodes that begin exactly in the standing pose and at rest, as a robot does; the others begin with an
-    error of every angle and velocity. Not in the paper."""
+    """Share of episodes that begin exactly in the standing pose and at rest, as a robot does; in the others every angle
+    and velocity has an initial error. Not in the paper."""
     known_friction: tuple[float, float] = field(default=(0.7, 1.3), metadata=needs("--task.known-friction"))
-    """Multiplier of the friction that a policy is given, one a kind of joint: the error of its identification, and what
-    it has changed since."""
+    """Multiplier of the friction that a policy is given, one per kind of joint: the error of its identification, and
+    its change since."""
 
     def __post_init__(self) -> None:
-        """Refuse multipliers that turn physics around."""
+        """Reject multipliers that reverse physics."""
         positive = dict.fromkeys(("armature", "stiffness", "motor_strength", "contact_time"), 1e-3)
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
         check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
@@ -102,7 +102,7 @@ class RandomizationCfg:
             )
 
     def check_robot(self, robot: Robot) -> None:
-        """Raise `StictionError` where the payload takes away more than the robot's trunk."""
+        """Raise `StictionError` where a negative payload exceeds the robot's trunk."""
         if robot.base.mass + self.payload[0] <= 0:
             raise ConfigurationError(
                 f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
@@ -110,28 +110,28 @@ class RandomizationCfg:
             )
 
     def with_net(self, holds_friction: bool) -> RandomizationCfg:
-        """Return what is left to randomise beside an Actuator Net, which may hold viscous friction."""
-        one, none = (1.0, 1.0), (0.0, 0.0)
-        return replace(self, stiffness=one, action_delay=none, damping=one if holds_friction else self.damping)
+        """Return the randomisation with an Actuator Net, which may include viscous friction."""
+        unit, none = (1.0, 1.0), (0.0, 0.0)
+        return replace(self, stiffness=unit, action_delay=none, damping=unit if holds_friction else self.damping)
 
     @classmethod
     def literal(cls) -> RandomizationCfg:
-        """Return the paper's table and nothing else; what is measured has noise of its own, see `NoiseCfg`."""
+        """Return the paper's table and nothing else; for noise of measurements see `NoiseCfg`."""
         return cls(action_delay=(0.0, 0.0), encoder_offset=(0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class NoiseCfg:
-    """Half-width of the uniform noise on each measured quantity, in its own unit."""
+    """Half-width of the uniform noise on each measured quantity, in its unit."""
 
     angular_velocity: float = 0.1
-    """Of the base [rad/s]."""
+    """Noise of the base's angular velocity [rad/s]."""
     roll_pitch: float = 0.02
-    """Of the base [rad]."""
+    """Noise of the base's roll and pitch [rad]."""
     joint_position: float = 0.01
-    """Of each joint [rad]."""
+    """Noise of each joint angle [rad]."""
     joint_velocity: float = 0.5
-    """Of each joint [rad/s]."""
+    """Noise of each joint velocity [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -139,20 +139,20 @@ class CommandCfg:
     """Velocity commands in the base frame."""
 
     forward: tuple[float, float] = (-0.8, 0.8)
-    """Along x [m/s]."""
+    """Range of the velocity along x [m/s]."""
     sideways: tuple[float, float] = (-0.3, 0.3)
-    """Along y [m/s]."""
+    """Range of the velocity along y [m/s]."""
     turn: tuple[float, float] = (-0.6, 0.6)
-    """About z [rad/s]."""
+    """Range of the rate about z [rad/s]."""
     standing_share: float = 0.1
-    """Share of commands that ask to stand."""
+    """Share of commands to stand."""
     interval: float = 5.0
     """Time between new commands [s]."""
     moving_above: float = 0.1
-    """A command is a moving one if its norm (m/s and rad/s alike) is above this."""
+    """Minimum norm (m/s and rad/s alike) of a moving command."""
 
     def __post_init__(self) -> None:
-        """Refuse ranges, shares and times that make no commands."""
+        """Validate ranges, shares and times."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
         if not (0 <= self.standing_share <= 1 and self.interval > 0):
             raise ConfigurationError(
@@ -163,10 +163,10 @@ class CommandCfg:
 
 @dataclass(frozen=True)
 class TaskCfg:
-    """Velocity tracking."""
+    """Settings of the task, velocity tracking."""
 
     robot: Annotated[str, flag("--robot")] = "saturn_lite"
-    """A shipped robot, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
+    """Robot: a shipped one, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
     timestep: float = 0.005
     """Physics step [s]."""
     decimation: int = 4
@@ -199,26 +199,26 @@ class TaskCfg:
     action_clip: float = 5.0
     """Bound of an action before scaling."""
     history: int = HISTORY_LENGTH
-    """Frames in o_H, the present one included, one a control period. The paper's H of 10 is eleven frames; more of them
-    let a student look further back."""
+    """Frames in o_H, the present one included, one per control period. The paper's H of 10 is eleven frames; with more
+    a student looks further back."""
     estimated_friction: bool = False
-    """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
-    units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
+    """True if o_exp, which the policy estimates from its history, includes the dry friction of each kind of joint, in
+    units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would."""
     known_friction: Annotated[bool, FLAG] = field(
         default=False,
         metadata=needs("--friction-law coulomb or stribeck", lambda cfg: not has_coefficient(cfg.friction.law)),
     )
-    """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
-    every episode (task.randomization.known_friction), on the robot what was identified (`export --joints`)."""
+    """True if the policy is given f/τ_max of each kind of joint: in training the robot's, with an error drawn for every
+    episode (task.randomization.known_friction), on the robot the identified one (`export --joints`)."""
     first_side: bool = False
-    """True if the policy is told which side begins: 1 or -1, drawn for every episode, and 1 on the robot. A symmetric
-    policy, as of --symmetry network, has no first step from a symmetric pose without it."""
+    """True if the policy is given the side that begins: 1 or -1, drawn for every episode, and 1 on the robot. Without
+    it a symmetric policy, as of --symmetry network, has no first step from a symmetric pose."""
     slow_means: Annotated[float | None, FLAG] = None
-    """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
-    no frame does: 1, say. They are in every frame; by default there are none."""
+    """Time constant [s] of means, of products of target, angle and velocity, that reveal each joint's dry friction
+    better than single frames, for example 1. They are in every frame; by default there are none."""
 
     def __post_init__(self) -> None:
-        """Refuse times that do not fit each other, and settings that contradict each other."""
+        """Reject inconsistent times and contradicting settings."""
         if not 1 <= self.history <= LONGEST_HISTORY:
             raise ConfigurationError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
         if self.slow_means is not None and not self.control_period <= self.slow_means <= SLOWEST:
@@ -255,7 +255,7 @@ class TaskCfg:
             )
 
     def check_net(self, net: ActuatorNet, robot: Robot) -> None:
-        """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
+        """Raise `StictionError` for an Actuator Net that does not match the robot, the physics step or the friction."""
         net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
         if net.torque_source == "output_side" and self.friction.has_friction:
             raise ConfigurationError(
@@ -264,7 +264,7 @@ class TaskCfg:
             )
 
     def layout(self, robot: Robot) -> ObservationLayout:
-        """Return what a policy for a robot observes."""
+        """Return the observation of a policy for a robot."""
         kinds = len(robot.joint_kinds) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
         period = robot.gait_period
@@ -278,12 +278,12 @@ class TaskCfg:
 
     @property
     def is_pushed(self) -> bool:
-        """Whether an episode has a push."""
+        """True if an episode has a push."""
         return 0 < self.push_steps < round(self.episode / self.control_period)
 
     @property
     def is_commanded(self) -> bool:
-        """Whether any robot is commanded to move: on flat ground not where all are told to stand."""
+        """True if any robot is commanded to move; False on flat ground where all are told to stand."""
         return self.commands.standing_share < 1 or self.terrain.kind != "flat"
 
     @property

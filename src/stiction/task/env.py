@@ -1,4 +1,4 @@
-"""The task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out, in torch, where the robots are."""
+"""Task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out, in torch, on the device of the robots."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.net import ActuatorNet
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
-from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
+from stiction.sim.indexing import assign
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.events import INTERVALS, RESET, ended
 from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans, gait_phase
 from stiction.task.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.task.rewards import TASK, Snapshot
 from stiction.task.task_fleet import CPU, Device, HostFleet, NetMotors, TaskFleet, to_tensor
-from stiction.task.terrain import SCAN_POINTS, UNDER, Curriculum
+from stiction.task.terrain import SCAN_POINTS, UNDER_TRUNK, Curriculum
 
 UNSYNC_HORIZON = 100
 """H of r_unsync in control steps (2 s at 50 Hz)."""
@@ -44,10 +44,10 @@ class UnsyncWindow:
     """Running sum of the imbalance over the last `horizon` steps: |sum| is r_unsync."""
 
     def __init__(
-        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, home: torch.device | None = None
+        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, task_device: torch.device | None = None
     ) -> None:
-        """Start with an empty window, at `home`."""
-        self.window = torch.zeros(horizon, num_envs, device=home)
+        """Start with an empty window, on `task_device`."""
+        self.window = torch.zeros(horizon, num_envs, device=task_device)
         self.cursor = 0
         self.largest = horizon * (legs / 2)
 
@@ -58,12 +58,12 @@ class UnsyncWindow:
         return self.window.sum(0).abs() / self.largest
 
     def reset(self, which: torch.Tensor) -> None:
-        """Forget the steps of the robots `which`, see `sim.chosen`."""
-        put(self.window.T, which, 0.0)
+        """Clear the window of the robots `which`, see `sim.indexing`."""
+        assign(self.window.T, which, 0.0)
 
 
 RATIO_FROM = 0.3
-"""Commanded speed from which on robots count for the figures of speed over command [m/s]."""
+"""Minimum commanded speed for the figures of speed over command [m/s]."""
 
 ELEVATION_SCALE = 0.2
 """Unit of the elevation map [m]."""
@@ -72,47 +72,47 @@ _BUFFERS = (
     *("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "measured_velocity"),
     *("bench_error", "first_side"),
 )
-"""The per-robot buffers that a checkpoint holds beside the simulation."""
+"""Per-robot buffers in a checkpoint, in addition to the simulation."""
 
 
 class CommandSampler:
-    """The command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
+    """Command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
 
-    def __init__(self, cfg: CommandCfg, num_envs: int, home: torch.device | None = None) -> None:
-        """Start with every robot commanded to stand; `home`: where the commands are."""
+    def __init__(self, cfg: CommandCfg, num_envs: int, task_device: torch.device | None = None) -> None:
+        """Start with every robot commanded to stand, on `task_device`."""
         self.cfg = cfg
-        self.value = torch.zeros(num_envs, 3, device=home)
-        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=home)
+        self.value = torch.zeros(num_envs, 3, device=task_device)
+        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=task_device)
         self._low, self._width = spans[:, 0], spans[:, 1] - spans[:, 0]
 
     @property
     def moving(self) -> torch.Tensor:
-        """Whether each robot is commanded to move, (N,) bool."""
+        """True for robots commanded to move, (N,) bool."""
         return self.value.norm(dim=-1) > self.cfg.moving_above
 
     def override(self, mask: torch.Tensor, value: torch.Tensor) -> None:
-        """Command `value`, (N, 3), to the robots in `mask`, (N,) bool. The tensor is replaced."""
+        """Set the command of the robots in `mask`, (N,) bool, to `value`, (N, 3). The tensor is replaced."""
         self.value = torch.where(mask[:, None], value, self.value)
 
     def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw commands for the robots `which`, see `sim.chosen`. The tensor is replaced: observations keep theirs."""
+        """Draw commands for the robots `which`, see `sim.indexing`. Replaces the tensor: observations keep theirs."""
         if not len(which):
             return
-        num, home = len(which), self.value.device
-        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=home)
-        standing = torch.rand(num, 1, generator=generator, device=home) < self.cfg.standing_share
+        num, task_device = len(which), self.value.device
+        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=task_device)
+        standing = torch.rand(num, 1, generator=generator, device=task_device) < self.cfg.standing_share
         small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
         value = self.value.clone()
-        put(value, which, torch.where(standing | small, 0.0, new))
+        assign(value, which, torch.where(standing | small, 0.0, new))
         self.value = value
 
 
 class LocomotionEnv(VecEnv):
     """Velocity tracking for any legged robot.
 
-    Observation groups, float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened, oldest
-    frame first), `privileged` (o_priv), `explicit` (o_exp, see `ESTIMATED`), and on other than flat ground `elevation`
-    (e_t: how far the ground lies below the standing height, in units of 0.2 m).
+    Observation groups, float32 and new tensors at every step: `proprioception` (o_prio), `history` (o_H, flattened,
+    oldest frame first), `privileged` (o_priv), `explicit` (o_exp, see `ESTIMATED`), and except on flat ground
+    `elevation` (e_t: depth of the ground below the standing height, in units of 0.2 m).
     """
 
     def __init__(
@@ -128,9 +128,8 @@ class LocomotionEnv(VecEnv):
     ) -> None:
         """Build the fleet and reset every robot.
 
-        `identified`: see `nominal_joints`; `actuator`: gives the joints' torque in place of the PD law; `spec`: the
-        robot in place of that in `cfg`. Raises `StictionError` where the net does not fit robot, physics step or
-        friction.
+        `identified`: see `nominal_joints`; `actuator`: net that replaces the PD law; `spec`: robot that replaces that
+        in `cfg`. Raises `StictionError` where the net does not match robot, physics step or friction.
         """
         self.cfg: Any = cfg
         self.num_envs, self.device = num_envs, device.torch
@@ -139,51 +138,51 @@ class LocomotionEnv(VecEnv):
         flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
         self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
         self.robots = self._make_robots(device, threads, actuator)
-        self.home = home = self.robots.home
-        self.by_mask = home.type == "cuda"
-        """Whether robots are chosen by mask, see `sim.chosen`: random numbers are then drawn for all of them."""
-        self.generator = torch.Generator(home).manual_seed(seed)
+        self.task_device = task_device = self.robots.task_device
+        self.by_mask = task_device.type == "cuda"
+        """True if robots are selected by mask, see `sim.indexing`: random numbers are then drawn for all of them."""
+        self.generator = torch.Generator(task_device).manual_seed(seed)
         nominal = nominal_joints(self.robots, cfg.friction, identified)
         self.randomizer = Randomizer(self.robots, cfg.randomization, cfg.friction, nominal)
         extra = friction_angle(cfg.friction, nominal, self.spec)
-        self.compensation = None if extra is None else torch.tensor(extra, device=home)
+        self.compensation = None if extra is None else torch.tensor(extra, device=task_device)
         self.stage = 0
-        self.tells_terminal = False
-        """Whether a step in which robots time out tells, as `extras["terminal"]`, (N, frame), what they would have
-        observed next; `_observe` sees them after their reset."""
-        self.commands = CommandSampler(cfg.commands, num_envs, home)
+        self.return_terminal_obs = False
+        """True to add, in a step with time-outs, `extras["terminal"]`, (N, frame): the observations without the reset,
+        which `_observe` does not have."""
+        self.commands = CommandSampler(cfg.commands, num_envs, task_device)
         self.layout = cfg.layout(self.spec)
-        self.standing = torch.from_numpy(self.robots.standing).float().to(home)
+        self.standing = torch.from_numpy(self.robots.standing).float().to(task_device)
         scale = self.spec.action_scale
-        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(home)
-        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(home)
+        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(task_device)
+        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(task_device)
         groups = self.spec.groups()
-        self.group = None if groups is None else torch.from_numpy(groups).to(home)
-        self.foot_phases = torch.from_numpy(self.spec.foot_phases).float().to(home)
-        self.sideways = torch.tensor(self.spec.sideways_joints, device=home)
+        self.group = None if groups is None else torch.from_numpy(groups).to(task_device)
+        self.foot_phases = torch.from_numpy(self.spec.foot_phases).float().to(task_device)
+        self.sideways = torch.tensor(self.spec.sideways_joints, device=task_device)
         self.frames = FrameBuilder(self.layout, self.standing)
-        self.history = History(num_envs, self.layout, home)
+        self.history = History(num_envs, self.layout, task_device)
         decay = self.layout.slow_kept
-        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, home)
-        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), home=home)
+        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, task_device)
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), task_device=task_device)
         self.terms = cfg.rewards.terms_for(self.spec)
         self.max_episode_length = round(cfg.episode / cfg.control_period)
         self.intervals = [(event, round(every(cfg) / cfg.control_period)) for event, every in INTERVALS]
         """Events within an episode, and the control periods between two of them; 0: never."""
-        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=home)
-        self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
-        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
-        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=home)
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=task_device)
+        self.last_action = torch.zeros(num_envs, self.num_actions, device=task_device)
+        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=task_device)
+        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=task_device)
         kinds = [joint.kind for joint in self.spec.joints]
-        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(home)
-        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=home)
-        self.first_side = torch.ones(num_envs, 1, device=home)
-        everyone = torch.ones(num_envs, dtype=torch.bool, device=home)
+        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(task_device)
+        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=task_device)
+        self.first_side = torch.ones(num_envs, 1, device=task_device)
+        everyone = torch.ones(num_envs, dtype=torch.bool, device=task_device)
         self._reset(self._which(everyone))
         self._observation = self._observe(everyone)
 
     def _make_robots(self, device: Device, threads: int, actuator: ActuatorNet | None) -> TaskFleet:
-        """Build the fleet: on a device where it has one of its own, else on the host."""
+        """Build the fleet: on the device if it has one, else on the host."""
         cfg, num = self.cfg, self.num_envs
         steps = (cfg.timestep, cfg.decimation)
         if device.fleet is not None:
@@ -196,28 +195,28 @@ class LocomotionEnv(VecEnv):
 
     @property
     def host(self) -> HostFleet:
-        """The robots on the host. Raises `TypeError` where they are on a device."""
+        """Robots on the host. Raises `TypeError` where they are on a device."""
         if not isinstance(self.robots, HostFleet):
-            raise TypeError(f"the robots are on {self.home}, and what is asked of them is on the host alone")
+            raise TypeError(f"the robots are on {self.task_device}, and this needs them on the host")
         return self.robots
 
     @property
     def fleet(self) -> Fleet:
-        """The NumPy fleet of robots on the host."""
+        """NumPy fleet of robots on the host."""
         return self.host.fleet
 
     @property
     def motors(self) -> NetMotors | None:
-        """What gives the joints' torque in place of the PD law."""
+        """Motors that replace the PD law."""
         return self.robots.motors if isinstance(self.robots, HostFleet) else None
 
     def _which(self, mask: torch.Tensor) -> torch.Tensor:
-        """Return the robots of a mask, (N,) bool, as they are chosen here."""
+        """Return the robots of a mask, (N,) bool, as ids or a mask."""
         return mask if self.by_mask else mask.nonzero().flatten()
 
     def uniform(self, *size: int) -> torch.Tensor:
         """Draw numbers in [-1, 1), of shape `size`."""
-        return 2 * torch.rand(*size, generator=self.generator, device=self.home) - 1
+        return 2 * torch.rand(*size, generator=self.generator, device=self.task_device) - 1
 
     def get_observations(self) -> TensorDict:
         """Return the current observations."""
@@ -225,7 +224,7 @@ class LocomotionEnv(VecEnv):
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
-        actions = actions.to(self.home).clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        actions = actions.to(self.task_device).clamp(-self.cfg.action_clip, self.cfg.action_clip)
         targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
             measured = self.measured_position, self.measured_velocity
@@ -237,7 +236,7 @@ class LocomotionEnv(VecEnv):
         self.episode_length_buf = self.episode_length_buf + 1
 
         snapshot = self._snapshot(actions, blown_up)
-        reward, task = (torch.zeros(self.num_envs, device=self.home) for _ in range(2))
+        reward, task = (torch.zeros(self.num_envs, device=self.task_device) for _ in range(2))
         means = {}
         for name, (term, weight) in self.terms.items():
             value = weight * term(snapshot)
@@ -262,22 +261,22 @@ class LocomotionEnv(VecEnv):
         extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
         # What of the reward the task has paid, (N,).
         extras["task"] = task.to(self.device)
-        if self.tells_terminal and time_outs.any():
+        if self.return_terminal_obs and time_outs.any():
             # Before the reset, for after it these states are gone.
             extras["terminal"] = self._frame_without_reset().to(self.device)
         self._reset(self._which(dones))
-        self._happen(dones)
+        self._trigger_events(dones)
         self._observation = self._observe(dones)
         return self._observation, reward.to(self.device), dones.to(self.device), extras
 
     def enter_stage(self, number: int) -> None:
-        """Go over to a stage of the friction's schedule."""
+        """Enter a stage of the friction's schedule."""
         self.stage = number
         self.randomizer.enter(self.cfg.friction.schedule[number].mixture, self.generator)
 
     def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> Snapshot:
-        """Collect what the rewards see."""
-        fleet, home = self.robots, self.home
+        """Collect the inputs of the rewards."""
+        fleet, task_device = self.robots, self.task_device
         velocity = fleet.joint_velocity
         acceleration = (velocity - self.last_velocity) / self.cfg.control_period
         self.last_velocity = velocity
@@ -290,8 +289,8 @@ class LocomotionEnv(VecEnv):
         quaternion = fleet.base_quaternion
         w, x, y, z = quaternion.unbind(-1)
         if self.group is None:
-            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=home)
-            unsync = torch.zeros(self.num_envs, device=home)
+            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=task_device)
+            unsync = torch.zeros(self.num_envs, device=task_device)
         else:
             one_group = exactly_one_group(contact, self.group)
             unsync = self.unsync.push(group_imbalance(contact, self.group))
@@ -347,15 +346,15 @@ class LocomotionEnv(VecEnv):
         for event in RESET:
             event(self, which)
 
-    def _happen(self, fresh: torch.Tensor) -> None:
-        """Let events come to the robots whose interval is over; not to those that are `fresh`, (N,) bool."""
+    def _trigger_events(self, fresh: torch.Tensor) -> None:
+        """Trigger events for robots whose interval is over, except those that are `fresh`, (N,) bool."""
         for event, interval in self.intervals:
             if interval:
                 event(self, self._which((self.episode_length_buf % interval == 0) & ~fresh))
 
     def _observe(self, fresh: torch.Tensor) -> TensorDict:
         """Build every observation group from the state after resets and pushes."""
-        elevation = self._look_around() if self.course else {}
+        elevation = self._elevation_group() if self.course else {}
         frame = self._frame(fresh)
         groups = {
             "proprioception": frame,
@@ -364,7 +363,7 @@ class LocomotionEnv(VecEnv):
             "explicit": torch.cat([term(self) for term, asked in ESTIMATED if asked(self.cfg)], -1),
             **elevation,
         }
-        return self._hand_out(groups)
+        return self._to_networks(groups)
 
     def _frame(self, fresh: torch.Tensor) -> torch.Tensor:
         """Measure, with noise, and return one frame of every robot, (N, frame_size); `fresh`: as of `History.push`."""
@@ -380,32 +379,32 @@ class LocomotionEnv(VecEnv):
         return self.frames(raw)
 
     def _frame_without_reset(self) -> torch.Tensor:
-        """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
+        """Return the next frame of every robot as without a reset, (N, frame_size)."""
         # `push` puts new tensors in their places, so that these stay what they are.
         state = None if self.slow is None else (self.slow.sums, self.slow.weight)
-        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
+        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.task_device))
         if self.slow is not None and state is not None:
             self.slow.sums, self.slow.weight = state
         return frame
 
-    def _hand_out(self, groups: dict[str, torch.Tensor]) -> TensorDict:
-        """Return observation groups where the networks are."""
+    def _to_networks(self, groups: dict[str, torch.Tensor]) -> TensorDict:
+        """Return observation groups on the device of the networks."""
         return TensorDict({name: value.to(self.device) for name, value in groups.items()}, batch_size=[self.num_envs])
 
-    def _look_around(self) -> dict[str, torch.Tensor]:
-        """Hold the robots on their courses, find the ground under them, and return the elevation map as a group."""
+    def _elevation_group(self) -> dict[str, torch.Tensor]:
+        """Hold the robots on their courses, compute the ground under them, and return the elevation map as a group."""
         assert self.course is not None
         fleet = self.fleet
         on_course = torch.from_numpy(self.course.on_course)
         self.commands.override(on_course, to_tensor(self.course.command(fleet.yaw)))
         scan = fleet.ground_around(SCAN_POINTS)
-        fleet.ground[:] = scan[:, UNDER].mean(-1)
+        fleet.ground[:] = scan[:, UNDER_TRUNK].mean(-1)
         below = to_tensor(fleet.base_position[:, 2:3] - self.spec.standing_height - scan)
         noise = self.uniform(*below.shape)
         return {"elevation": ((below + self.cfg.terrain.elevation_noise * noise) / ELEVATION_SCALE).clamp(-5.0, 5.0)}
 
     def state(self) -> dict[str, Any]:
-        """Return everything the next step depends on, for a checkpoint."""
+        """Return the complete state of the next step, for a checkpoint."""
         host = self.robots if isinstance(self.robots, HostFleet) else None
         friction = {} if host is None else host.law.state()
         return ({"friction": friction} if friction else {}) | {
@@ -426,7 +425,7 @@ class LocomotionEnv(VecEnv):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
+        """Restore a `state`; the next step is then bit-identical on the same number of threads."""
         # Older states are without schedules, terrain and Actuator Nets.
         state = {"stage": 0, "course": None, "ground": torch.zeros(self.num_envs), "motors": {}} | state
         for name, value in state["draws"].items():
@@ -434,7 +433,7 @@ class LocomotionEnv(VecEnv):
         self.stage = state["stage"]
         self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
         # Before the rest: it forgets the friction of the last step, which `_load_host` brings back.
-        self.randomizer.apply(torch.arange(self.num_envs, device=self.home))
+        self.randomizer.apply(torch.arange(self.num_envs, device=self.task_device))
         if self.course:
             self.course.load_state(state["course"])
             self.fleet.show_terrain(np.arange(self.num_envs))
@@ -450,15 +449,15 @@ class LocomotionEnv(VecEnv):
         if self.slow is not None:
             self.slow.sums, self.slow.weight = (self._own(state["slow"][name]) for name in ("sums", "weight"))
         self.unsync.window, self.unsync.cursor = self._own(state["unsync"]["window"]), state["unsync"]["cursor"]
-        self._observation = self._hand_out(state["observation"])
+        self._observation = self._to_networks(state["observation"])
         self.generator.set_state(state["generator"])
 
     def _own(self, value: torch.Tensor) -> torch.Tensor:
-        """Return a copy of a tensor of a checkpoint, where the task is."""
-        return value.to(self.home, copy=True)
+        """Return a copy of a tensor of a checkpoint, on the device of the task."""
+        return value.to(self.task_device, copy=True)
 
     def _load_host(self, state: dict[str, Any]) -> None:
-        """Restore what only robots on the host have."""
+        """Restore the state of robots on the host."""
         host, fleet = self.host, self.fleet
         fleet.ground[:] = state["ground"].numpy()
         host.law.load_state({name: value.numpy() for name, value in state.get("friction", {}).items()})

@@ -1,8 +1,8 @@
-"""What happens to robots at the begin of an episode and after every interval of it, and why it ends.
+"""Events of robots at the begin of an episode and after every interval of it, and its terminations.
 
-An event is a function of the task and of the robots that it happens to, `which` as of `sim.chosen`. A new one is a
-function here and a line in `RESET` or `INTERVALS`, a new end one in `TERMINATIONS`. The order of events is that of the
-random numbers: a training that is resumed draws the same.
+An event is a function of the task and of its robots, `which` as of `sim.indexing`. A new one is a function here and a
+line in `RESET` or `INTERVALS`, a new termination one in `TERMINATIONS`. The order of events is that of the random
+numbers: a resumed training draws the same.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from stiction.sim.chosen import put
+from stiction.sim.indexing import assign
 from stiction.task.config import TaskCfg
 from stiction.task.rewards import Snapshot
 
 LocomotionEnv = Any
-"""A `task.env.LocomotionEnv`, whose module imports this one."""
+"""`task.env.LocomotionEnv`, whose module imports this one."""
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
@@ -33,7 +33,7 @@ def draw_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
 
 
 def place_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
-    """Put robots about their standing pose, anywhere on flat ground or at the begin of a course."""
+    """Place robots about their standing pose, anywhere on flat ground or at the begin of a course."""
     num, (angle, speed) = len(which), RESET_NOISE
     offset, heading = angle * env.uniform(num, env.num_actions), np.pi * env.uniform(num, 1)[:, 0]
     velocity = speed * env.uniform(num, 6)
@@ -54,24 +54,28 @@ def draw_command(env: LocomotionEnv, which: torch.Tensor) -> None:
 
 
 def draw_bench_error(env: LocomotionEnv, which: torch.Tensor) -> None:
-    """Draw by how much the friction that a policy is told is wrong, where it is told."""
+    """Draw the error of the friction that a policy observes, if it does."""
     if env.cfg.known_friction:
         low, high = env.cfg.randomization.known_friction
         size = (len(which), env.bench_error.shape[1])
-        put(env.bench_error, which, low + (high - low) * torch.rand(size, generator=env.generator, device=env.home))
+        assign(
+            env.bench_error,
+            which,
+            low + (high - low) * torch.rand(size, generator=env.generator, device=env.task_device),
+        )
 
 
 def draw_first_side(env: LocomotionEnv, which: torch.Tensor) -> None:
-    """Draw which side begins, where the policy is told."""
+    """Draw the side that begins, if the policy observes it."""
     if env.cfg.first_side:
-        put(env.first_side, which, env.uniform(len(which), 1).sign())
+        assign(env.first_side, which, env.uniform(len(which), 1).sign())
 
 
 def forget(env: LocomotionEnv, which: torch.Tensor) -> None:
-    """Forget the episode before."""
+    """Clear the buffers of the last episode."""
     env.unsync.reset(which)
     for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time):
-        put(buffer, which, 0)
+        assign(buffer, which, 0)
 
 
 def push(env: LocomotionEnv, which: torch.Tensor) -> None:
@@ -85,37 +89,36 @@ INTERVALS: tuple[tuple[Event, Callable[[TaskCfg], float]], ...] = (
     (push, lambda cfg: cfg.randomization.push_interval),
     (draw_command, lambda cfg: cfg.commands.interval),
 )
-"""Events that come again within an episode, and the time between two of them [s]; 0: never."""
+"""Repeated events of an episode, and the time between two of them [s]; 0: never."""
 
 
 @dataclass(frozen=True)
 class Termination:
-    """One reason why an episode ends."""
+    """Reason why an episode ends."""
 
     ended: Callable[[LocomotionEnv, Snapshot], torch.Tensor]
-    """Return which robots' episodes end for it, (N,) bool."""
+    """Function that returns the robots whose episodes end, (N,) bool."""
     fails: bool
-    """True: the robot failed, and nothing is worth having after it. False: time ran out, and the value of what would
-    come next counts."""
+    """True: the robot failed, with no value afterwards. False: time ran out, and the value of the next state counts."""
 
 
 def fallen(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
-    """The trunk touches the ground, or leans too far."""
+    """Return the robots whose trunk touches the ground, or leans too far."""
     return snapshot.fallen
 
 
 def blown_up(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
-    """The simulation of the robot diverged."""
+    """Return the robots whose simulation diverged."""
     return snapshot.blown_up
 
 
 def timed_out(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
-    """The episode is as long as `TaskCfg.episode`."""
+    """Return the robots whose episode is as long as `TaskCfg.episode`."""
     return env.episode_length_buf >= env.max_episode_length
 
 
 def crossed(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
-    """The robot reached the end of its course."""
+    """Return the robots at the end of their course."""
     if env.course is None:
         return torch.zeros_like(snapshot.fallen)
     return torch.from_numpy(env.course.crossed(env.fleet.base_position[:, :2]))
@@ -130,5 +133,5 @@ TERMINATIONS = (
 
 
 def ended(env: LocomotionEnv, snapshot: Snapshot, fails: bool) -> torch.Tensor:
-    """Return whose episodes end for a reason that is a failure, or for one that is not, (N,) bool."""
+    """Return the robots whose episodes end by a failure, and those that end otherwise, (N,) bool."""
     return torch.stack([reason.ended(env, snapshot) for reason in TERMINATIONS if reason.fails is fails]).any(0)

@@ -1,4 +1,4 @@
-"""Dry friction during training: how much, by which law, and when. No torch, no mujoco.
+"""Dry friction during training: its size, law and schedule. No torch, no mujoco.
 
 A method is a schedule: stages, each with a distribution of the multiplier of nominal friction. Students have the last.
 """
@@ -22,7 +22,7 @@ NUMBERS = ("static_ratio", "stribeck_velocity")
 
 
 def law_flag(text: str, name: str = "") -> Form:
-    """Return the form of an option that names a law: what `text` says, then every law of the table; name: its flag."""
+    """Return the form of an option for a law: `text`, then every law of the table; name: its flag."""
     meanings = "; ".join(f"{law}: {LAWS[law].meaning}" for law in simulated_laws())
     return flag(name, f"{text} {meanings}.", simulated_laws)
 
@@ -33,7 +33,7 @@ SCALED = needs("--friction-level above 0", lambda cfg: cfg.level != 0.0 or not c
 DRAWN = all_of(
     SCALED, needs("friction in training, such as --task.friction.range 0 1.2", lambda cfg: cfg.last.range[1] > 0)
 )
-"""Requirement of what tells how multipliers are drawn. A level or a law has none: it is evaluated with."""
+"""Requirement of options for the draw of multipliers. A level or a law has none, since it is used in evaluation."""
 
 
 STRIBECK = needs("--friction-law stribeck")
@@ -50,19 +50,19 @@ class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
     method: Annotated[str, flag("--method", choices=method_names)] = "deception"
-    """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it;
+    """Method of training with friction. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it;
     none: without friction. All others are methods of installed distributions (stiction-experiments)."""
     level: Annotated[float | None, flag("--friction-level")] = None
-    """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
-    effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
-    load_coefficient of --joints, by the robot's model where that multiplies something else."""
+    """Nominal friction, as a share of each joint's torque limit [1], by default the robot's; for the laws load and
+    effort, their coefficient. The robot's default is in N m, as measured; for load and effort it is from the
+    load_coefficient of --joints, converted by the robot's model where its regressor differs."""
     law: Annotated[str, law_flag("Law of the dry friction.", "--friction-law")] = "coulomb"
-    """One of `simulated_laws`."""
+    """Law of the friction, one of `simulated_laws`."""
     per: Annotated[Literal["robot", "joint"], FLAG] = field(
         default="robot", metadata=all_of(DRAWN, needs("multipliers that differ", lambda cfg: cfg.varies))
     )
-    """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
-    the paper's explanation of why its wide range works needs exactly those."""
+    """Multipliers per robot, one for all its joints, or per joint. Per robot, some robots have nearly no friction
+    anywhere, on which the paper's explanation of its wide range relies."""
     spread: Annotated[tuple[float, float] | None, FLAG] = field(
         default=None, metadata=all_of(DRAWN, needs("factors other than 1", lambda cfg: cfg.spread != (1.0, 1.0)))
     )
@@ -71,28 +71,29 @@ class FrictionCfg:
     load: Annotated[tuple[float, float] | None, FLAG] = field(
         default=None, metadata=needs("a coefficient above 0", lambda cfg: cfg.load is None or cfg.draws_load)
     )
-    """Coefficient of friction that grows with what the joint transmits (the law `load`), drawn for each robot in every
-    stage, on top of the law: `0 0.1`."""
+    """Coefficient of friction that grows with the load that the joint transmits (the law `load`), drawn for each robot
+    in every stage, in addition to the law: `0 0.1`."""
     range: Annotated[tuple[float, float] | None, FLAG] = field(default=None, metadata=SCALED)
-    """Multiplier in the last stage, in place of the method's."""
+    """Multiplier in the last stage, replacing the method's."""
     mixture: Annotated[Mixture, FLAG] = field(default=(), metadata=SCALED)
-    """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
-    each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
+    """Mixture of uniform distributions of the multiplier in the last stage: weight, lower, upper end of each. `0.2 0 0
+    0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
     pretraining: float = field(default=0.5, metadata=_scheduled("pretraining"))
-    """Share of the teacher's iterations without friction, of methods that begin so; it counts towards the budget."""
+    """Share of the teacher's iterations without friction, for methods that begin so; it counts towards the budget."""
     steps: int = field(default=4, metadata=_scheduled("steps"))
-    """Equal steps in which friction grows, of methods that bring it in by steps."""
+    """Number of equal steps in which friction grows, for methods with steps."""
     static_ratio: float | tuple[float, float] = field(default=1.5, metadata=STRIBECK)
-    """Friction at rest over Coulomb friction, of the law `stribeck`; or lowest and highest, `[1.2,1.8]`, of one
-    drawn for each robot, or each joint where multipliers are (`per`)."""
+    """Static over Coulomb friction, for the law `stribeck`; or lowest and highest, `[1.2,1.8]`, of one drawn for each
+    robot, or each joint where multipliers are (`per`)."""
     stribeck_velocity: float | tuple[float, float] = field(
         default=0.1,
         metadata=all_of(STRIBECK, needs("a static_ratio other than 1", lambda cfg: cfg.ends("static_ratio") != (1, 1))),
     )
-    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`; or lowest and highest, as above."""
+    """Speed at which 63 % of the excess at rest is gone [rad/s], for the law `stribeck`; or lowest and highest, as
+    above."""
 
     def __post_init__(self) -> None:
-        """Refuse unknown names, and numbers that cannot be drawn or overcome."""
+        """Validate names and numbers."""
         find_method(self.method)
         if self.per not in ("robot", "joint"):
             raise ConfigurationError(unknown_name("friction per", self.per, ("robot", "joint")))
@@ -106,7 +107,7 @@ class FrictionCfg:
             )
 
     def _check_law(self) -> None:
-        """Refuse numbers that make no law, and ranges with ends the wrong way round."""
+        """Validate numbers of the law and their ranges."""
         for name in NUMBERS:
             value = getattr(self, name)
             if isinstance(value, tuple) and not (len(value) == 2 and value[0] <= value[1]):
@@ -117,7 +118,7 @@ class FrictionCfg:
                 Law(self.law, **{name: end})
 
     def _check_level(self) -> None:
-        """Refuse a level that no motor could overcome, and a law without its coefficient."""
+        """Validate the level: below the motor's torque, and the coefficient of its law."""
         number = isinstance(self.level, int | float) and not isinstance(self.level, bool)
         if self.level is not None and not (number and 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
@@ -129,7 +130,9 @@ class FrictionCfg:
             )
 
     def _check_more(self) -> None:
-        """Refuse a spread of what differs anyhow, and load friction where there is one, or no range of it."""
+        """Reject a spread in addition to per-joint draws, load friction under a load law, and invalid ranges of
+        them.
+        """
         if self.spread is not None and self.per == "joint":
             raise ConfigurationError("friction spread and per-joint friction both let joints differ; leave one out")
         if (self.spread is not None or self.load is not None) and self.method == "none":
@@ -147,9 +150,9 @@ class FrictionCfg:
                 raise ConfigurationError(f"friction {name} {span}: expected a lower and an upper end in [0, {most:g})")
 
     def _check_distribution(self) -> None:
-        """Refuse ranges and mixtures that are none."""
+        """Validate ranges and mixtures."""
         if self.range is not None and self.mixture:
-            raise ConfigurationError("friction range and mixture both say what is drawn; leave one of them out")
+            raise ConfigurationError("friction range and mixture are both given; leave one of them out")
         if self.method == "none" and (self.range is not None or self.mixture):
             raise ConfigurationError(
                 "the method 'none' has no friction to draw; choose another, or leave out the range"
@@ -162,34 +165,34 @@ class FrictionCfg:
                 )
 
     @property
-    def asks(self) -> bool:
-        """True if method, range or mixture ask for friction by the law; it may still be none, see `draws_law`."""
+    def requests_friction(self) -> bool:
+        """True if method, range or mixture request friction by the law; it may still be zero, see `draws_law`."""
         return find_method(self.method).friction_range != (0.0, 0.0) or self.range is not None or bool(self.mixture)
 
     @property
     def draws_law(self) -> bool:
-        """Whether training draws friction by the law: a multiplier above 0, of a level that is not 0."""
+        """True if training draws friction by the law: a multiplier above 0, of a level that is not 0."""
         most = 1.0 if self.spread is None else self.spread[1]
         return self.level != 0.0 and self.last.range[1] * most > 0.0
 
     @property
     def draws_load(self) -> bool:
-        """Whether training draws a coefficient of load beside the law, above 0."""
+        """True if training draws a coefficient of load above 0, in addition to the law."""
         return self.load is not None and self.load[1] > 0.0
 
     @property
     def varies(self) -> bool:
-        """Whether multipliers differ at all."""
+        """True if multipliers differ."""
         return len({end for _, low, high in self.last.mixture for end in (low, high)}) > 1
 
     @property
     def compensation(self) -> str | None:
-        """How friction is added to the command, as `parse_compensation` reads it; None: it is not."""
+        """Compensation added to the command, as `parse_compensation` reads it; or None."""
         return find_method(self.method).compensation
 
     @property
     def has_friction(self) -> bool:
-        """Whether training draws any, by the law or beside it."""
+        """True if training draws any friction, by the law or by load."""
         return self.draws_law or self.draws_load
 
     def ends(self, name: str) -> tuple[float, float]:
@@ -206,43 +209,43 @@ class FrictionCfg:
 
     @property
     def joint_law(self) -> Law:
-        """The law with its own numbers, the middle of what is drawn."""
+        """Law with its numbers, the middle of drawn ones."""
         return Law(self.law, sum(self.ends("static_ratio")) / 2, sum(self.ends("stribeck_velocity")) / 2)
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The law, and `load` where there is some beside it."""
+        """Names of the law, and of `load` if drawn in addition."""
         return (self.joint_law,) if self.load is None else (self.joint_law, Law("load"))
 
     @property
     def loaded(self) -> bool:
-        """Whether friction depends on what a joint transmits."""
+        """True if friction depends on the load that a joint transmits."""
         return any(law.spec.loaded for law in self.laws)
 
     @property
     def _final(self) -> Mixture:
-        """The distribution in which training ends."""
+        """Distribution of the last stage."""
         return self.mixture or ((1.0, *(self.range or find_method(self.method).friction_range)),)
 
     @property
     def last(self) -> Stage:
-        """The stage in which training ends."""
+        """Last stage of the training."""
         return self.schedule[-1]
 
     @property
     def schedule(self) -> tuple[Stage, ...]:
-        """The stages, the first from the very beginning."""
+        """Stages, from the first iteration on."""
         return find_method(self.method).schedule(self._final, self.pretraining, self.steps)
 
     def stage(self, iteration: int, iterations: int) -> int:
-        """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""
+        """Return the number of the stage of iteration `iteration` of `iterations` of the teacher."""
         return max(k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations))
 
 
 def friction_share(law: str, friction: np.ndarray, spec: Robot) -> np.ndarray:
     """Return friction, [N m] or coefficients, over each joint's torque limit, shape (..., joints).
 
-    A coefficient counts at the motor's full torque and an even share of the robot's weight.
+    A coefficient counts at the motor's full torque and an equal share of the robot's weight.
     """
     limit = spec.joint_values("torque_limit")
     if not has_coefficient(law):

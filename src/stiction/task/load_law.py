@@ -1,9 +1,9 @@
-"""What becomes of an identified load coefficient in training: three laws go by that name, each of another load.
+"""Conversion of an identified load coefficient for training: three laws use that name, each for another load.
 
-A joint's own log tells c of |gravity torque|, a walk c of |motor torque|; `effort`, c |motor torque|, takes either as
-it is. `load`, c (|F| + |T|), takes c times |torque about the axis| / (|F| + |T|), which depends on how the robot
-stands: where that ratio holds over poses (`stance_loads`) it is a number, else a range, and nothing is trained with a
-range.
+A joint's log gives c of |gravity torque|, a walk c of |motor torque|; `effort`, c |motor torque|, takes either
+unchanged. `load`, c (|F| + |T|), takes c times |torque about the axis| / (|F| + |T|), which depends on the robot's
+pose: where that ratio is constant over poses (`stance_loads`) it is a number, else a range, which is not used for
+training.
 """
 
 from __future__ import annotations
@@ -21,40 +21,40 @@ from stiction.robots.model import Robot
 from stiction.robots.statics import POSES, HingeLoad, stance_loads
 from stiction.task.friction import FrictionCfg
 
-AS_IT_IS = "effort"
-"""The law of training that takes an identified load coefficient as it is."""
+UNCHANGED_LAW = "effort"
+"""Law of training that takes an identified load coefficient unchanged."""
 
 LARGEST_SPREAD = 0.25
-"""Largest half range of a ratio of loads over its mean, 5th to 95th of a hundred poses, for which one number stands."""
+"""Maximum half range of a ratio of loads over its mean, 5th to 95th of a hundred poses, to use one number."""
 
 ENDS = (0.05, 0.95)
-"""Quantiles of the poses between which a ratio is said to be."""
+"""Quantiles of the poses that bound a ratio."""
 
 SAME_NUMBER = 0.05
-"""Relative difference under which a coefficient that was typed is taken for one that was read from the file."""
+"""Relative difference below which a typed coefficient is that of the file."""
 
 _stance_loads = cache(stance_loads)
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """A load coefficient of a record in another law."""
+    """Load coefficient of a record in another law."""
 
     coefficient: Estimate
     """c' [1]; the interval is that of c over the range of the ratio."""
     spread: float
-    """Half of that range over its mean [1]; 0 where the regressors are one."""
+    """Half of that range over its mean [1]; 0 for equal regressors."""
     how: str
 
     @property
     def stable(self) -> bool:
-        """Whether one number stands for it."""
+        """True if one number represents it."""
         return self.spread <= LARGEST_SPREAD
 
 
 def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad | None) -> Conversion | None:
-    """Return c' of `law` that gives the friction of c times its regressor; None where nothing tells it."""
-    if law == AS_IT_IS:
+    """Return c' of `law` that gives the friction of c times its regressor; None if unknown."""
+    if law == UNCHANGED_LAW:
         same = "both multiply the motor's torque"
         rest = "at rest the motor's torque is the load about its axis; what accelerates the links is not in it"
         return Conversion(coefficient, 0.0, same if regressor == "motor_torque" else rest)
@@ -68,10 +68,10 @@ def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad |
     ends = (coefficient.interval95[0] * low, coefficient.interval95[1] * high)
     value = coefficient.value * ratio
     # Nothing keeps a ratio of sums between quantiles of ratios, and an interval must hold its value.
-    found = Estimate(value, coefficient.std * ratio, (min(value, *ends), max(value, *ends)))
+    estimate = Estimate(value, coefficient.std * ratio, (min(value, *ends), max(value, *ends)))
     spread = (high - low) / 2 / ratio
     return Conversion(
-        found,
+        estimate,
         spread,
         f"|torque about the axis| is {ratio:.3g} of |F| + |T| in the mean of {len(load.size)} poses, {low:.3g} to "
         f"{high:.3g}, within {spread:.0%} ({POSES})",
@@ -79,41 +79,44 @@ def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad |
 
 
 def take_coefficients(file: JointsFile, robot: Robot, law: str) -> tuple[list[float], list[str]]:
-    """Return c' [1] of a law for every joint, and how in words. Raises `ConfigurationError` where one has none."""
+    """Return c' [1] of a law for every joint, and its derivation in words. Raises `ConfigurationError` for a joint
+    without one.
+    """
     values: list[float] = []
-    said: dict[str, str] = {}
+    sources: dict[str, str] = {}
     for number, name in enumerate(robot.joint_names):
         key = file.key(name)
-        found = None if key is None else _of(key, file.joints[key], number, robot, law)
-        if key is None or found is None:
+        conversion = None if key is None else _record_coefficient(key, file.joints[key], number, robot, law)
+        if key is None or conversion is None:
             raise ConfigurationError(
                 f"joint {name!r} has no load_coefficient that gives one of the law {law}; say --friction-level"
             )
         if (objection := file.joints[key].objection_to("load_coefficient")) is not None:
             raise ConfigurationError(f"the fit of {key!r} is not valid, and with it its load: {objection.text}")
-        if not found.stable:
-            low, high = found.coefficient.interval95
+        if not conversion.stable:
+            low, high = conversion.coefficient.interval95
             raise ConfigurationError(
-                f"{_what(key, file.joints[key])}, is no one coefficient of the law {law} on {robot.name}, but "
-                f"{low:.3g} to {high:.3g}: {found.how}; at most {LARGEST_SPREAD:.0%} may be; --friction-law "
-                f"{AS_IT_IS} takes it as it is, or say a --friction-level of that range"
+                f"{_coefficient_text(key, file.joints[key])}, is not one coefficient of the law {law} on {robot.name}"
+                f", but {low:.3g} to {high:.3g}: {conversion.how}; at most {LARGEST_SPREAD:.0%} is allowed; use "
+                f"--friction-law {UNCHANGED_LAW}, which takes it unchanged, or a --friction-level of that range"
             )
-        values.append(max(0.0, found.coefficient.value))
-        low, high = found.coefficient.interval95
-        said.setdefault(
+        values.append(max(0.0, conversion.coefficient.value))
+        low, high = conversion.coefficient.interval95
+        sources.setdefault(
             key,
-            f"{_what(key, file.joints[key])}, is taken as {found.coefficient.value:.4g} ({low:.3g} to {high:.3g}) of "
-            f"the law {law} on {robot.name}: {found.how}{_left_over(file.joints[key], number, robot)}",
+            f"{_coefficient_text(key, file.joints[key])}, is taken as {conversion.coefficient.value:.4g} ({low:.3g} to "
+            f"{high:.3g}) of the law {law} on {robot.name}: {conversion.how}"
+            f"{_omitted_text(file.joints[key], number, robot)}",
         )
-    return values, [*said.values()]
+    return values, [*sources.values()]
 
 
 def load_warnings(file: JointsFile, robot: Robot, friction: FrictionCfg) -> tuple[str, ...]:
-    """Say what becomes of load coefficients that were identified beside a --friction-level.
+    """Yield warnings on identified load coefficients that a --friction-level replaces.
 
-    Raises `ConfigurationError` where the level is one of them and the law multiplies something else with it.
+    Raises `ConfigurationError` where the level is one of them and the law has another regressor.
     """
-    found: dict[str, None] = {}
+    lines: dict[str, None] = {}
     numbers: dict[str, int] = {}
     for number, name in enumerate(robot.joint_names):
         if (key := file.key(name)) is not None:
@@ -123,38 +126,38 @@ def load_warnings(file: JointsFile, robot: Robot, friction: FrictionCfg) -> tupl
         coefficient, regressor = record.load_coefficient, record.load_regressor
         if coefficient is None or regressor is None:
             continue
-        what, law = _what(key, record), friction.law
+        what, law = _coefficient_text(key, record), friction.law
         if not has_coefficient(law):
-            text = f"is not used: the law {law} does not depend on load; --friction-law {AS_IT_IS} has that law"
-            found[f"{what}, {text}"] = None
-        elif law == AS_IT_IS:
+            text = f"is not used: the law {law} does not depend on load; --friction-law {UNCHANGED_LAW} has that law"
+            lines[f"{what}, {text}"] = None
+        elif law == UNCHANGED_LAW:
             text = f"--friction-level {coefficient.value:.4g} trains with it, or none with each joint's own"
-            found[f"{what}, is of the law {law}: {text}"] = None
+            lines[f"{what}, is of the law {law}: {text}"] = None
         else:
-            other = _of(key, record, number, robot, law)
+            other = _record_coefficient(key, record, number, robot, law)
             low, high = other.coefficient.interval95 if other else (0.0, 0.0)
-            there = f"on {robot.name} it would be {low:.3g} to {high:.3g} of that law; " if other else ""
-            instead = f"{there}--friction-law {AS_IT_IS} has the law that was identified"
+            elsewhere = f"on {robot.name} it would be {low:.3g} to {high:.3g} of that law; " if other else ""
+            instead = f"{elsewhere}--friction-law {UNCHANGED_LAW} has the law that was identified"
             meaning = find_law(law).meaning
             if friction.level is not None and abs(friction.level - coefficient.value) < SAME_NUMBER * coefficient.value:
                 raise ConfigurationError(
                     f"--friction-law {law} --friction-level {friction.level:g} looks like {what}: {law} means "
                     f"{meaning}, which is another law; {instead}, or give a coefficient of that law"
                 )
-            found[f"{what}, is not used: {law} means {meaning}; {instead}"] = None
-    return tuple(found)
+            lines[f"{what}, is not used: {law} means {meaning}; {instead}"] = None
+    return tuple(lines)
 
 
-def _of(key: str, record: JointRecord, number: int, robot: Robot, law: str) -> Conversion | None:
-    """Return the coefficient of a law that a record gives one joint; None where it gives none."""
+def _record_coefficient(key: str, record: JointRecord, number: int, robot: Robot, law: str) -> Conversion | None:
+    """Return the coefficient of a law from the record of one joint, or None."""
     if record.load_coefficient is None or record.load_regressor is None:
         return None
     loads: Mapping[int, HingeLoad] = _stance_loads(robot) if law == "load" else {}
     return converted(record.load_coefficient, record.load_regressor, law, loads.get(number))
 
 
-def _what(key: str, record: JointRecord) -> str:
-    """Name a record's coefficient and what it multiplies."""
+def _coefficient_text(key: str, record: JointRecord) -> str:
+    """Return the name of a record's coefficient and its regressor, in words."""
     assert record.load_coefficient is not None and record.load_regressor is not None
     return (
         f"the load_coefficient of {key!r}, {record.load_coefficient.value:.4g} of "
@@ -162,24 +165,24 @@ def _what(key: str, record: JointRecord) -> str:
     )
 
 
-def _left_over(record: JointRecord, number: int, robot: Robot) -> str:
-    """Say what a law with a coefficient leaves out of the identified one, and how far its load was from the robot's."""
+def _omitted_text(record: JointRecord, number: int, robot: Robot) -> str:
+    """Return what a law with a coefficient omits of the identified one, and how its load compares with the robot's."""
     assert record.load_coefficient is not None
     load = _stance_loads(robot).get(number)
     if load is None:
         return ""
-    carried, said = float(load.axis_torque.mean()), ""
-    measured = [one.value for one in (record.gravity_sin, record.gravity_cos) if one is not None]
+    carried, remark = float(load.axis_torque.mean()), ""
+    measured = [gravity.value for gravity in (record.gravity_sin, record.gravity_cos) if gravity is not None]
     if measured and (most := float(np.linalg.norm(measured))) < carried:
-        said += f"; measured up to {most:.3g} N m of load, and the robot's stance has {carried:.3g} in the mean"
+        remark += f"; measured up to {most:.3g} N m of load, and the robot's stance has {carried:.3g} in the mean"
     if record.unloaded_friction is None:
-        return said
+        return remark
     coulomb = max(0.0, record.unloaded_friction.value)
     whole = coulomb + record.load_coefficient.value * carried
     if not whole > 0:
-        return said
+        return remark
     share = whole / float(robot.joint_values("torque_limit")[number])
-    return said + (
+    return remark + (
         f"; friction without load, {coulomb:.3g} N m, is {coulomb / whole:.0%} of the friction there and in no law "
         f"with a coefficient: all of it is {share:.3g} of the torque limit, in the mean, under --friction-law coulomb"
     )

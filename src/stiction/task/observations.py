@@ -1,7 +1,7 @@
-"""What robots observe, batched in torch: terms, frames by `files.observation.ObservationLayout`, and histories.
+"""Observations of robots, batched in torch: terms, frames by `files.observation.ObservationLayout`, and histories.
 
 `deploy` builds the same frames in NumPy. A new term of a frame is a function here and a line in `FRAME_TERMS`, and its
-name in `files.observation`, by which a contract tells the robot's runtime what to measure. A new quantity for the
+name in `files.observation`, from which a contract tells the robot's runtime what to measure. A new quantity for the
 policy to estimate is a function and a line in `ESTIMATED`.
 """
 
@@ -17,10 +17,10 @@ from stiction.task.config import TaskCfg
 from stiction.task.randomization import FRICTION_UNIT
 
 LocomotionEnv = Any
-"""A `task.env.LocomotionEnv`, whose module imports this one."""
+"""`task.env.LocomotionEnv`, whose module imports this one."""
 
 ObservationTerm = Callable[[LocomotionEnv], torch.Tensor]
-"""Return one quantity of every robot, (N, size), without noise."""
+"""Function that returns one quantity of every robot, (N, size), without noise."""
 
 
 def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
@@ -33,47 +33,49 @@ def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
 
 
 def angular_velocity(env: LocomotionEnv) -> torch.Tensor:
-    """Rates of the base in its own frame [rad/s]."""
+    """Return the rates of the base in its frame [rad/s]."""
     return env.robots.base_angular_velocity
 
 
 def tilt(env: LocomotionEnv) -> torch.Tensor:
-    """Roll and pitch of the base [rad]."""
+    """Return roll and pitch of the base [rad]."""
     return roll_pitch(env.robots.base_quaternion)
 
 
 def joint_position(env: LocomotionEnv) -> torch.Tensor:
-    """Angles as the encoders show them [rad]."""
+    """Return the angles of the encoders [rad]."""
     return env.robots.joint_position + env.randomizer.draws.encoder_offset
 
 
 def joint_velocity(env: LocomotionEnv) -> torch.Tensor:
-    """Velocities of the joints [rad/s]."""
+    """Return the velocities of the joints [rad/s]."""
     return env.robots.joint_velocity
 
 
 def command(env: LocomotionEnv) -> torch.Tensor:
-    """Commanded vx, vy [m/s] and yaw rate [rad/s]."""
+    """Return the commanded vx, vy [m/s] and yaw rate [rad/s]."""
     return env.commands.value
 
 
 def last_action(env: LocomotionEnv) -> torch.Tensor:
-    """The action of the step before."""
+    """Return the action of the last step."""
     return env.last_action
 
 
 def known_friction(env: LocomotionEnv) -> torch.Tensor:
-    """f/τ_max of each kind of joint, wrong by as much as a bench may be [1]."""
+    """Return f/τ_max of each kind of joint, with the error of a bench [1]."""
     return env.randomizer.unloaded_share() @ env.kind_average * env.bench_error
 
 
 def first_side(env: LocomotionEnv) -> torch.Tensor:
-    """1 or -1: the mirror image of the gait that begins."""
+    """Return 1 or -1: the mirror image of the gait that begins."""
     return env.first_side
 
 
 def gait_phase(env: LocomotionEnv) -> torch.Tensor:
-    """Phase of each foot on the gait clock [rad], (N, feet): a turn a stride; the other side begins half a turn on."""
+    """Return the phase of each foot on the gait clock [rad], (N, feet): a turn per stride; the other side starts half a
+    turn later.
+    """
     clock = env.layout.clock
     turned = env.episode_length_buf[:, None] * (2 * torch.pi * env.cfg.control_period / clock.period)
     other = torch.pi / 2 * (1.0 - env.first_side)
@@ -81,7 +83,7 @@ def gait_phase(env: LocomotionEnv) -> torch.Tensor:
 
 
 def phase(env: LocomotionEnv) -> torch.Tensor:
-    """Sines of all phases of the gait clock, and then their cosines."""
+    """Return the sines of all phases of the gait clock, and then their cosines."""
     angle = gait_phase(env)
     return torch.cat((angle.sin(), angle.cos()), -1)
 
@@ -97,21 +99,21 @@ FRAME_TERMS: dict[str, ObservationTerm] = {
     "first_side": first_side,
     "phase": phase,
 }
-"""Name in the layout -> term. What a sensor measures has noise: the field of that name of `NoiseCfg`."""
+"""Name in the layout -> term. Measured terms have noise: the field of that name of `NoiseCfg`."""
 
 
 def base_velocity(env: LocomotionEnv) -> torch.Tensor:
-    """Velocity of the base in its own frame [m/s]."""
+    """Return the velocity of the base in its frame [m/s]."""
     return env.robots.base_linear_velocity
 
 
 def foot_contact(env: LocomotionEnv) -> torch.Tensor:
-    """1 for each foot that carries load."""
+    """Return 1 for each foot that carries load."""
     return env.robots.foot_contact.float()
 
 
 def kind_friction(env: LocomotionEnv) -> torch.Tensor:
-    """Friction of each kind of joint over the torque limit, in units of `FRICTION_UNIT`."""
+    """Return the friction of each kind of joint over the torque limit, in units of `FRICTION_UNIT`."""
     return env.randomizer.friction_share() @ env.kind_average / FRICTION_UNIT
 
 
@@ -120,27 +122,29 @@ ESTIMATED: tuple[tuple[ObservationTerm, Callable[[TaskCfg], bool]], ...] = (
     (foot_contact, lambda cfg: True),
     (kind_friction, lambda cfg: cfg.estimated_friction),
 )
-"""Terms of o_exp, which the policy estimates, and whether a task has each."""
+"""Terms of o_exp, which the policy estimates, each with its condition on the task."""
 
 
 class FrameBuilder:
-    """Concatenates one frame from named raw quantities: clip((raw - offset) * scale)."""
+    """Builder of one frame from named raw quantities: clip((raw - offset) * scale)."""
 
     def __init__(self, layout: ObservationLayout, standing: torch.Tensor) -> None:
         """Precompute scale, offset and clip of every entry. `standing`: (joints,) [rad]."""
-        self.layout, self.home = layout, standing.device
-        self.scale = torch.cat([torch.tensor(term.scales) for term in layout.terms]).float().to(self.home)
-        self.clip = torch.cat([torch.tensor(term.clips) for term in layout.terms]).float().to(self.home)
+        self.layout, self.task_device = layout, standing.device
+        self.scale = torch.cat([torch.tensor(term.scales) for term in layout.terms]).float().to(self.task_device)
+        self.clip = torch.cat([torch.tensor(term.clips) for term in layout.terms]).float().to(self.task_device)
         zero = torch.zeros_like(standing[:1])
         self.offset = torch.cat(
             [standing if term.offset == "standing" else zero.expand(term.size) for term in layout.terms]
         ).float()
 
     def __call__(self, raw: dict[str, torch.Tensor]) -> torch.Tensor:
-        """Return the frame, shape (N, frame_size). `raw`: every term but the placeholders, each (N, size), float32."""
+        """Return the frame, shape (N, frame_size). `raw`: every term except the placeholders, each (N, size),
+        float32.
+        """
         num = next(iter(raw.values())).shape[0]
         parts = [
-            torch.zeros(num, t.size, device=self.home) if t.name in PLACEHOLDERS else raw[t.name]
+            torch.zeros(num, t.size, device=self.task_device) if t.name in PLACEHOLDERS else raw[t.name]
             for t in self.layout.terms
         ]
         frame = (torch.cat(parts, -1) - self.offset) * self.scale
@@ -148,11 +152,11 @@ class FrameBuilder:
 
 
 class History:
-    """The last frames, oldest first. `push` returns a fresh tensor: the caller's stored ones never change."""
+    """Last frames, oldest first. `push` returns a new tensor: the caller's stored ones never change."""
 
-    def __init__(self, num_envs: int, layout: ObservationLayout, home: torch.device | None = None) -> None:
-        """Start with zeros, at `home`; every robot is reset before its first observation."""
-        self.frames = torch.zeros(num_envs, layout.history_length, layout.frame_size, device=home)
+    def __init__(self, num_envs: int, layout: ObservationLayout, task_device: torch.device | None = None) -> None:
+        """Start with zeros, on `task_device`; every robot is reset before its first observation."""
+        self.frames = torch.zeros(num_envs, layout.history_length, layout.frame_size, device=task_device)
 
     def push(self, frame: torch.Tensor, fresh: torch.Tensor) -> torch.Tensor:
         """Append `frame`, (N, frame_size); where `fresh`, (N,) bool, fill the history with it. Returns (N, size)."""
@@ -166,22 +170,22 @@ class History:
 
 
 class SlowMeans:
-    """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
+    """Means of products of error and velocity that reveal a joint's dry friction, see `SLOW_TERMS`."""
 
-    def __init__(self, num_envs: int, num_joints: int, decay: float, home: torch.device | None = None) -> None:
-        """Start with nothing, at `home`; `decay`: see `ObservationLayout.slow_kept`."""
+    def __init__(self, num_envs: int, num_joints: int, decay: float, task_device: torch.device | None = None) -> None:
+        """Start without frames, on `task_device`; `decay`: see `ObservationLayout.slow_kept`."""
         self.decay = decay
         # In float64, as on the robot: a mean goes on from its own rounding, and x_i may be large once.
-        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints, dtype=torch.float64, device=home)
+        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints, dtype=torch.float64, device=task_device)
         """Σ k^(t-i) x_i."""
-        self.weight = torch.zeros(num_envs, 1, dtype=torch.float64, device=home)
+        self.weight = torch.zeros(num_envs, 1, dtype=torch.float64, device=task_device)
         """Σ k^(t-i)."""
 
     def push(self, error: torch.Tensor, velocity: torch.Tensor, fresh: torch.Tensor) -> dict[str, torch.Tensor]:
-        """Take in a frame and return the means by term, each (N, joints), float32.
+        """Add a frame and return the means by term, each (N, joints), float32.
 
-        `error`: of the last target [rad], `velocity` [rad/s], (N, joints); where `fresh`, (N,) bool, what was before is
-        forgotten.
+        `error`: to the last target [rad], `velocity` [rad/s], (N, joints); where `fresh`, (N,) bool, earlier frames are
+        cleared.
         """
         products = torch.stack((error.abs(), velocity.abs(), error * velocity), 1)
         self.sums = products + torch.where(fresh[:, None, None], 0.0, self.decay * self.sums)

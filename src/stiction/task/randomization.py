@@ -13,14 +13,14 @@ from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import TRUNK_LENGTH, Robot
 from stiction.robots.physics import CONTACT_TIME
-from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
+from stiction.sim.indexing import assign
 from stiction.task.config import RandomizationCfg
 from stiction.task.friction import NUMBERS, FrictionCfg, Mixture, friction_share
 from stiction.task.task_fleet import HostFleet, TaskFleet
 
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
-"""What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
+"""Units of entries: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
 
 PRIVILEGED_TERMS = (
     ("payload", "robot"),
@@ -29,7 +29,7 @@ PRIVILEGED_TERMS = (
     ("damping", "joint"),
     ("friction", "joint"),
 )
-"""What o_priv holds, in its order: one entry a robot, or one for each joint."""
+"""Terms of o_priv, in its order: one entry per robot, or one for each joint."""
 
 
 def privileged_observation(
@@ -51,48 +51,47 @@ def privileged_observation(
 def nominal_privileged(friction: np.ndarray) -> torch.Tensor:
     """Return o_priv, float32, of nominal robots with this friction over the torque limit, (N, joints)."""
     share = torch.from_numpy(np.asarray(friction, dtype=np.float32))
-    one, column = torch.ones_like(share), torch.ones(len(share), 1)
-    return privileged_observation(0.0 * column, column, one, one, share)
+    units, column = torch.ones_like(share), torch.ones(len(share), 1)
+    return privileged_observation(0.0 * column, column, units, units, share)
 
 
 @dataclass(frozen=True)
 class NominalJoints:
-    """Joint physics that multipliers refer to, each of shape (joints,)."""
+    """Nominal joint physics, to which multipliers refer, each of shape (joints,)."""
 
     armature: np.ndarray
     """Rotor inertia [kg m²]."""
     damping: np.ndarray
     """Viscous friction [N m s/rad]."""
     frictionloss: np.ndarray
-    """Dry friction [N m]; of the laws `load` and `effort`, the coefficient [-]."""
+    """Dry friction [N m]; for the laws `load` and `effort`, the coefficient [-]."""
 
 
 def nominal_joints(
     fleet: Fleet | TaskFleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None
 ) -> NominalJoints:
-    """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
+    """Return the robot's joints, overridden by an identification, its friction overridden by the level.
 
-    `identified`: name -> (joints,), NaN where not identified. Raises `ConfigurationError` for a coefficient nobody
-    gave.
+    `identified`: name -> (joints,), NaN where not identified. Raises `ConfigurationError` for an unknown coefficient.
     """
     robot = fleet.spec
     values = {name: robot.joint_values(name) for name in ("armature", "damping", "frictionloss")}
-    given = dict(identified or {})
-    coefficients = given.pop("load_coefficient", None)
-    for name, value in given.items():
+    known = dict(identified or {})
+    coefficients = known.pop("load_coefficient", None)
+    for name, value in known.items():
         values[name] = np.where(np.isnan(value), values[name], value)
     if has_coefficient(friction.law):
         if friction.level is None and coefficients is None and friction.has_friction:
             raise ConfigurationError(f"the friction law {friction.law!r} has no coefficient; say --friction-level")
-        own = 0.0 if coefficients is None else coefficients
-        values["frictionloss"] = np.zeros(robot.num_joints) + (own if friction.level is None else friction.level)
+        default = 0.0 if coefficients is None else coefficients
+        values["frictionloss"] = np.zeros(robot.num_joints) + (default if friction.level is None else friction.level)
     elif friction.level is not None:
         values["frictionloss"] = friction.level * robot.joint_values("torque_limit")
     return NominalJoints(**values)
 
 
 def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: Robot) -> tuple[float, ...] | None:
-    """Return how far `compensation` moves each joint's target at most [rad]; None of another method."""
+    """Return the maximum shift of each joint's target by `compensation` [rad]; None without compensation."""
     if cfg.compensation is None:
         return None
     return tuple((BY_SPEED.share * nominal.frictionloss / robot.joint_values("kp")).tolist())
@@ -100,37 +99,37 @@ def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: Robot) -> tu
 
 @dataclass
 class Draws:
-    """The current parameters of each robot, float32; multipliers unless a unit is given."""
+    """Current parameters of each robot, float32; multipliers unless a unit is given."""
 
     armature: torch.Tensor
     damping: torch.Tensor
     friction: torch.Tensor
     stiffness: torch.Tensor
     motor_strength: torch.Tensor
-    """The five above: (N, joints)."""
+    """Multipliers above, each (N, joints)."""
     ground_friction: torch.Tensor
     payload: torch.Tensor
-    """[kg]; both (N, 1)."""
+    """Payload [kg]; both (N, 1)."""
     contact_time: torch.Tensor
-    """[s], (N, 1)."""
+    """Time constant of contacts [s], (N, 1)."""
     load_coefficient: torch.Tensor
-    """Of friction that grows with load [1], (N, 1)."""
+    """Coefficient of friction that grows with load [1], (N, 1)."""
     static_ratio: torch.Tensor
     stribeck_velocity: torch.Tensor
-    """Numbers of the friction law [1], [rad/s], where they are drawn, (N, 1), or (N, joints) of friction by joint."""
+    """Drawn numbers of the friction law [1], [rad/s], (N, 1), or (N, joints) for friction by joint."""
     center_of_mass: torch.Tensor
     """Shift in the base frame [m], (N, 3)."""
     action_delay: torch.Tensor
-    """[s], (N, 1)."""
+    """Delay of actions [s], (N, 1)."""
     encoder_offset: torch.Tensor
-    """[rad], (N, joints)."""
+    """Offset of encoders [rad], (N, joints)."""
 
 
 class Randomizer:
-    """Draws parameters and writes them into a fleet."""
+    """Draw of parameters for a fleet."""
 
     def __init__(self, fleet: TaskFleet, cfg: RandomizationCfg, friction: FrictionCfg, nominal: NominalJoints) -> None:
-        """Begin with all draws 0, before the first `draw`."""
+        """Start with all draws 0, before the first `draw`."""
         motors = fleet.motors if isinstance(fleet, HostFleet) else None
         if motors is not None:
             cfg = cfg.with_net(motors.holds_friction)
@@ -140,33 +139,37 @@ class Randomizer:
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self._parts: tuple[Mixture, torch.Tensor] = ((), torch.zeros(0, 3))
-        self.home = home = fleet.home
+        self.task_device = task_device = fleet.task_device
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
-        self.nominal_share = torch.from_numpy(share).float().to(home)
-        self.load_share = torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float().to(home)
+        self.nominal_share = torch.from_numpy(share).float().to(task_device)
+        self.load_share = (
+            torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float().to(task_device)
+        )
         self.base_mass = fleet.spec.base.mass
-        self.base_com = torch.tensor(fleet.spec.base.com, dtype=torch.float64, device=home)
+        self.base_com = torch.tensor(fleet.spec.base.com, dtype=torch.float64, device=task_device)
         fixed = vars(nominal) | {"kp": fleet.nominal_kp, "kd": fleet.nominal_kd}
-        self._fixed = {name: torch.from_numpy(value).double().to(home) for name, value in fixed.items()}
+        self._fixed = {name: torch.from_numpy(value).double().to(task_device) for name, value in fixed.items()}
         cfg.check_robot(fleet.spec)
-        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(home)
+        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(task_device)
         num, joints = fleet.num_envs, fleet.spec.num_joints
         single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
         widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
         if friction.per == "robot":
             widths |= dict.fromkeys(NUMBERS, 1)
         names = Draws.__dataclass_fields__
-        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=home) for name in names})
+        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=task_device) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
         for name in NUMBERS:
             getattr(self.draws, name)[:] = getattr(friction.joint_law, name)
 
     def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw every parameter of the robots `which`, see `sim.chosen`, and write it into the fleet."""
+        """Draw every parameter of the robots `which`, see `sim.indexing`, and write it into the fleet."""
         cfg, num = self.cfg, len(which)
 
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
-            return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator, device=self.home)
+            return span[0] + (span[1] - span[0]) * torch.rand(
+                num, like.shape[1], generator=generator, device=self.task_device
+            )
 
         # Drawn last, and only where they vary: what came to the randomisation later shifts no number of what was there
         # before.
@@ -184,7 +187,7 @@ class Randomizer:
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
         for name, value in new.items():
-            put(getattr(self.draws, name), which, value)
+            assign(getattr(self.draws, name), which, value)
         self.apply(which)
 
     def _draw_friction(self, num: int, generator: torch.Generator) -> torch.Tensor:
@@ -192,10 +195,10 @@ class Randomizer:
         size = (num, self.draws.friction.shape[1])
         if self._parts[0] != self.mixture:
             # Kept, for on a GPU each new tensor from the host is a wait.
-            self._parts = self.mixture, torch.tensor(self.mixture).to(self.home)
+            self._parts = self.mixture, torch.tensor(self.mixture).to(self.task_device)
         weight, low, high = self._parts[1].unbind(-1)
-        share = torch.rand(size, generator=generator, device=self.home)
-        part = torch.zeros(size, dtype=torch.long, device=self.home)
+        share = torch.rand(size, generator=generator, device=self.task_device)
+        part = torch.zeros(size, dtype=torch.long, device=self.task_device)
         if len(weight) > 1:
             part = torch.multinomial(weight, size[0] * size[1], True, generator=generator).view(size)
         multiplier = low[part] + (high - low)[part] * share
@@ -204,17 +207,17 @@ class Randomizer:
         if self.friction.spread is None:
             return multiplier[:, :1].expand(size)
         least, most = self.friction.spread
-        factor = torch.rand(size, generator=generator, device=self.home)
+        factor = torch.rand(size, generator=generator, device=self.task_device)
         return multiplier[:, :1] * (least + (most - least) * factor)
 
     def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
-        """Begin a stage of the schedule: draw every robot's friction, and nothing else."""
+        """Enter a stage of the schedule: draw every robot's friction, and nothing else."""
         self.mixture = mixture
         self.draws.friction = self._draw_friction(self.fleet.num_envs, generator).clone()
-        self.apply(torch.arange(self.fleet.num_envs, device=self.home))
+        self.apply(torch.arange(self.fleet.num_envs, device=self.task_device))
 
     def apply(self, which: torch.Tensor) -> None:
-        """Write the draws of the robots `which` into the fleet, which recomputes what derives from them."""
+        """Write the draws of the robots `which` into the fleet, which recomputes the derived constants."""
         every = which.dtype == torch.bool
         drawn = {name: (tensor if every else tensor[which]).double() for name, tensor in vars(self.draws).items()}
         strength, fixed = drawn["motor_strength"], self._fixed
@@ -236,14 +239,14 @@ class Randomizer:
         values |= {name: drawn[name] for name in self.friction.drawn_numbers}
         if self.cfg.contact_time != (CONTACT_TIME, CONTACT_TIME):
             values["contact_time"] = drawn["contact_time"]
-        self.fleet.give(values, which)
+        self.fleet.set_parameters(values, which)
 
     def friction_share(self) -> torch.Tensor:
-        """Return friction over the torque limit, (N, joints); what grows with load as in `friction_share`."""
+        """Return friction over the torque limit, (N, joints); load friction as in `friction_share`."""
         return self.unloaded_share() + self.draws.load_coefficient * self.load_share
 
     def unloaded_share(self) -> torch.Tensor:
-        """Return the same without what grows with load beside the law: what a bench finds, shape (N, joints)."""
+        """Return the same without additional load friction, as on a bench, shape (N, joints)."""
         return self.draws.friction * self.nominal_share
 
     def privileged(self) -> torch.Tensor:
@@ -254,10 +257,10 @@ class Randomizer:
 
 @dataclass(frozen=True)
 class IdentifiedJoints:
-    """What an identification gives for each joint of a robot; None where the robot's own value stays."""
+    """Identified properties of each joint of a robot; None keeps the robot's value."""
 
     armature: tuple[float | None, ...]
-    """Rotor inertia [kg m²]: the identified inertia less that of the links it was measured with."""
+    """Rotor inertia [kg m²]: the identified inertia minus that of the links in the test."""
     damping: tuple[float | None, ...]
     """Viscous friction [N m s/rad]."""
     frictionloss: tuple[float | None, ...]
@@ -270,10 +273,9 @@ def identified_joints(
 ) -> IdentifiedJoints:
     """Read the nominal joints of a robot from an identification.
 
-    A record stands for the joint of its name or for all of its kind. The links' inertia [kg m²] is subtracted from what
-    was measured in the air; the inertia of a loaded or unstated test is not used. Friction in units of the command
-    counts as a share of the torque limit [N m]. Raises `StictionError` where nothing can be used, or an inertia is too
-    small.
+    A record is for the joint of its name or for all of its kind. The links' inertia [kg m²] is subtracted from one
+    measured in the air; the inertia of a loaded or unstated test is not used. Friction in units of the command counts
+    as a share of the torque limit [N m]. Raises `StictionError` where nothing can be used, or an inertia is too small.
     """
     rows: list[tuple[float | None, float | None, float | None]] = []
     warnings: dict[str, None] = {}
@@ -297,7 +299,7 @@ def identified_joints(
         if invalid := next((text for text in warnings if "is not valid" in text), None):
             raise FileError(f"the file holds nothing that can be used: {invalid}")
         raise FileError(
-            f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
+            f"the file has {', '.join(file.joints)}, none of which can be used for {', '.join(joint_names[:3])} and "
             "so on; name the joint, or its kind, when you identify it"
         )
     inertias, dampings, frictions = zip(*rows, strict=True)
@@ -310,7 +312,7 @@ def _value(estimate: Estimate | None) -> float | None:
 
 
 def _friction(key: str | None, record: JointRecord, limit: float, warnings: dict[str, None]) -> float | None:
-    """Return the Coulomb friction [N m] of a joint whose motor gives `limit`, from newton metres or from the ratio."""
+    """Return the Coulomb friction [N m] of a joint with the torque limit `limit`, from N m or from the ratio."""
     share = record.dynamic_ratio or record.friction_ratio
     if (holding := record.holding_friction) is not None and (moving := record.moving_friction) is not None:
         warnings[
@@ -328,7 +330,7 @@ def _friction(key: str | None, record: JointRecord, limit: float, warnings: dict
 
 
 def _armature(name: str, key: str | None, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
-    """Return the rotor inertia of joint `name` that its record, `key`, implies, or None where it implies none."""
+    """Return the rotor inertia of joint `name` from its record, `key`, or None."""
     if (rotor := record.combinations.get(ARMATURE)) is not None and rotor.interval95[0] > 0:
         return rotor.value
     if record.inertia is None:

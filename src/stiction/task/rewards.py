@@ -1,7 +1,7 @@
-"""The reward: pure functions of a snapshot of the robots, and the weight of each. No torch before a term is called.
+"""Reward: pure functions of a snapshot of the robots, and the weight of each. No torch before a term is called.
 
-A new term is a function here and a field of `RewardCfg`; one of your own is named in `RewardCfg.own` and touches no
-file of the package.
+A new term is a function here and a field of `RewardCfg`; a custom one is named in `RewardCfg.own` without a change of
+the package.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ ANGULAR_SCALE = 0.25
 """Width of the angular tracking reward [rad²/s²]."""
 
 AIR_TIME = (0.15, 0.35)
-"""Swing times between which the air-time reward grows [s]."""
+"""Range of swing times in which the air-time reward grows [s]."""
 
 
 @dataclass
 class Snapshot:
-    """What the rewards see of N robots after one control period."""
+    """Inputs of the rewards, for N robots after one control period."""
 
     command: torch.Tensor
     """Commanded vx, vy [m/s] and yaw rate [rad/s], (N, 3)."""
     moving: torch.Tensor
-    """Whether the command asks to move, (N,) bool."""
+    """True where the command is to move, (N,) bool."""
     linear_velocity: torch.Tensor
     """Base velocity in the base frame [m/s], (N, 3)."""
     angular_velocity: torch.Tensor
@@ -49,29 +49,29 @@ class Snapshot:
     joint_deviation: torch.Tensor
     """Joint angles minus the standing pose [rad], (N, J)."""
     sideways_deviation: torch.Tensor
-    """Those of the joints that move a leg sideways or turn it [rad], (N, S)."""
+    """The same for joints that move a leg sideways or turn it [rad], (N, S)."""
     joint_acceleration: torch.Tensor
     """Change of joint velocity over the control period [rad/s²], (N, J)."""
     action_change: torch.Tensor
     """Action minus the one before, (N, J)."""
     contact: torch.Tensor
-    """Whether each foot carries load, (N, feet) bool."""
+    """True for each foot that carries load, (N, feet) bool."""
     one_group: torch.Tensor
     """r_trot, (N,) bool."""
     unsync: torch.Tensor
-    """r_unsync as a share of its largest value, (N,)."""
+    """r_unsync as a share of its maximum, (N,)."""
     in_stance: torch.Tensor
-    """Feet that the gait clock has on the ground, (N, feet) bool; none where the robot has no clock."""
+    """True for feet that the gait clock has on the ground, (N, feet) bool; all False without a clock."""
     landed_air_time: torch.Tensor
-    """Time each foot that touches down in this step has been in the air [s], 0 for the others, (N, legs)."""
+    """Time in the air of each foot that touches down in this step [s], 0 for the others, (N, legs)."""
     fallen: torch.Tensor
-    """Whether the robot fell in this step, (N,) bool."""
+    """True where the robot fell in this step, (N,) bool."""
     blown_up: torch.Tensor
-    """Whether its simulation diverged in this step, and it was reset: its other values say nothing, (N,) bool."""
+    """True where the simulation diverged in this step, with a reset: its other values are meaningless, (N,) bool."""
 
 
 Term = Callable[[Snapshot], "torch.Tensor"]
-"""What one term pays each robot, before its weight, shape (N,)."""
+"""Reward of one term for each robot, before its weight, shape (N,)."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +88,13 @@ class RewardCfg:
     trot: float = 1.0
     """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
     unsync: float = -0.6
-    """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code
-    that the paper builds on; the paper does not state its H)."""
+    """r_unsync of the paper, as a share of its maximum, over the last 100 steps (2 s, as in the public code that the
+    paper builds on; the paper does not state its H)."""
     single_stance: Annotated[float, FLAG] = 0.0
-    """Exactly one foot stands, while moving is commanded: what a biped has in place of r_trot and r_unsync."""
+    """Exactly one foot stands, while moving is commanded: for a biped in place of r_trot and r_unsync."""
     clock: float = 0.0
-    """All feet are on the ground, or off it, as the gait clock has them, while moving is commanded: what a biped with a
-    `gait_period` has in place of single_stance. Standing pays nothing."""
+    """All feet are on the ground, or off it, as on the gait clock, while moving is commanded: for a biped with a
+    `gait_period` in place of single_stance. Zero while standing."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
     vertical_velocity: float = -1.0
@@ -116,16 +116,16 @@ class RewardCfg:
     stand_still: float = -0.3
     """Distance of all joints from the standing pose, while standing is commanded."""
     fall: float = -20.0
-    """Once, when the robot falls (per second like the others: 20 x 0.02 s)."""
+    """Penalty once, when the robot falls (per second like the others: 20 x 0.02 s)."""
     own: Annotated[tuple[tuple[str, float], ...], FLAG] = ()
-    """Terms of your own and their weights: `package.module:FUNCTION 0.5`, functions of a `Snapshot` like those of
+    """Custom terms and their weights: `package.module:FUNCTION 0.5`, functions of a `Snapshot` like those of
     `stiction.task.rewards`."""
 
     def for_robot(self, robot: Robot) -> RewardCfg:
-        """Return the weights as they are, or where nobody changed them, what a robot without contact groups walks by.
+        """Return the weights; for a robot without contact groups, default weights become those of its gait.
 
-        It is paid for steps by its gait clock, or without one for standing on one foot, where another is paid for a
-        tripod or a trot.
+        It is rewarded for steps by its gait clock, or without one for standing on one foot, in place of a tripod or a
+        trot.
         """
         gait = ("trot", "unsync", "single_stance", "clock")
         changed = any(getattr(self, name) != getattr(RewardCfg, name) for name in gait)
@@ -139,8 +139,8 @@ class RewardCfg:
     def terms_for(self, robot: Robot) -> dict[str, tuple[Term, float]]:
         """Return function and weight of every term whose weight is not zero, by the function's name.
 
-        Raises `StictionError` where a term of your own cannot be found, or has the name of another one, and where the
-        paper's gait is asked of a robot without contact groups.
+        Raises `StictionError` where a custom term cannot be found, or has a name in use, and where the paper's gait is
+        requested of a robot without contact groups.
         """
         if robot.groups() is None and (self.trot or self.unsync):
             raise ConfigurationError(
@@ -152,20 +152,20 @@ class RewardCfg:
                 f"robot {robot.name!r} has no gait clock, which clock pays for; give its robot.yaml a gait_period"
             )
         names = [field.name for field in fields(self) if field.name != "own"]
-        found = {name: (globals()[name], float(getattr(self, name))) for name in names}
+        terms = {name: (globals()[name], float(getattr(self, name))) for name in names}
         for place, weight in self.own:
             term = find_named("reward term", place)
             name = getattr(term, "__name__", "")
-            if not callable(term) or not name or name in found:
+            if not callable(term) or not name or name in terms:
                 raise ConfigurationError(
-                    f"reward term {place!r}: expected a function with a name of its own, and none of {', '.join(found)}"
+                    f"reward term {place!r}: expected a function with another name than {', '.join(terms)}"
                 )
-            found[name] = (_checked(place, term), float(weight))
-        return {name: (term, weight) for name, (term, weight) in found.items() if weight}
+            terms[name] = (_checked(place, term), float(weight))
+        return {name: (term, weight) for name, (term, weight) in terms.items() if weight}
 
 
 def _checked(place: str, term: Term) -> Term:
-    """Return a term of the user's own that says in one line where it fails, or pays no number a robot."""
+    """Return a custom term that reports failures, and results other than one value per robot, in one line."""
 
     def pay(snapshot: Snapshot) -> torch.Tensor:
         try:
@@ -175,11 +175,11 @@ def _checked(place: str, term: Term) -> Term:
         except Exception as error:
             raise ConfigurationError(
                 f"reward term {place!r} fails with {type(error).__name__}: {error}; expected a function that takes a "
-                "Snapshot and returns a tensor; mend it (--debug shows where), or leave it out"
+                "Snapshot and returns a tensor; correct it (--debug shows where), or leave it out"
             ) from error
         if shape != (expected := (len(snapshot.command),)):
             raise ConfigurationError(
-                f"reward term {place!r} returns a tensor of shape {shape}; expected {expected}, a number a robot"
+                f"reward term {place!r} returns a tensor of shape {shape}; expected {expected}, one value per robot"
             )
         return paid
 
@@ -187,46 +187,46 @@ def _checked(place: str, term: Term) -> Term:
 
 
 TASK = ("track_linear", "track_angular")
-"""Terms that pay for the task, to go as commanded; all others say how. Each pays at most 1."""
+"""Terms of the task, to follow the command; all others shape the gait. Each is at most 1."""
 
 
 def best_task_reward(terms: Mapping[str, tuple[Term, float]]) -> float:
-    """Return what the task pays robots that go exactly as commanded [1/s]; `terms`: as of `RewardCfg.terms_for`."""
+    """Return the maximum task reward per second (perfect tracking) [1/s]; `terms`: as of `RewardCfg.terms_for`."""
     return sum(weight for name, (_, weight) in terms.items() if name in TASK and weight > 0)
 
 
 def track_linear(s: Snapshot) -> torch.Tensor:
-    """exp(-|v_xy - v*_xy|² / scale)."""
+    """Return exp(-|v_xy - v*_xy|² / scale)."""
     return (-(s.command[:, :2] - s.linear_velocity[:, :2]).square().sum(-1) / LINEAR_SCALE).exp()
 
 
 def track_angular(s: Snapshot) -> torch.Tensor:
-    """exp(-(ω_z - ω*_z)² / scale)."""
+    """Return exp(-(ω_z - ω*_z)² / scale)."""
     return (-(s.command[:, 2] - s.angular_velocity[:, 2]).square() / ANGULAR_SCALE).exp()
 
 
 def trot(s: Snapshot) -> torch.Tensor:
-    """r_trot while moving."""
+    """Return r_trot while moving."""
     return (s.one_group & s.moving).float()
 
 
 def single_stance(s: Snapshot) -> torch.Tensor:
-    """1 while exactly one foot carries load and moving is commanded."""
+    """Return 1 while exactly one foot carries load and moving is commanded."""
     return ((s.contact.sum(-1) == 1) & s.moving).float()
 
 
 def clock(s: Snapshot) -> torch.Tensor:
-    """1 while every foot is where the clock has it, and moving is commanded."""
+    """Return 1 while every foot is as on the clock, and moving is commanded."""
     return ((s.contact == s.in_stance).all(-1) & s.moving).float()
 
 
 def unsync(s: Snapshot) -> torch.Tensor:
-    """r_unsync while moving."""
+    """Return r_unsync while moving."""
     return s.unsync * s.moving
 
 
 def air_time(s: Snapshot) -> torch.Tensor:
-    """Useful swing time of the feet that touch down, while moving [s]."""
+    """Return the useful swing time of the feet that touch down, while moving [s]."""
     low, high = AIR_TIME
     # Not clamped from below: a swing that is shorter than `low` costs.
     useful = (s.landed_air_time - low).clamp(max=high - low) * (s.landed_air_time > 0)
@@ -234,50 +234,50 @@ def air_time(s: Snapshot) -> torch.Tensor:
 
 
 def vertical_velocity(s: Snapshot) -> torch.Tensor:
-    """v_z²."""
+    """Return v_z²."""
     return s.linear_velocity[:, 2].square()
 
 
 def roll_pitch_rate(s: Snapshot) -> torch.Tensor:
-    """ω_x² + ω_y²."""
+    """Return ω_x² + ω_y²."""
     return s.angular_velocity[:, :2].square().sum(-1)
 
 
 def orientation(s: Snapshot) -> torch.Tensor:
-    """Horizontal part of the up axis, squared."""
+    """Return the squared horizontal part of the up axis."""
     return s.up[:, :2].square().sum(-1)
 
 
 def base_height(s: Snapshot) -> torch.Tensor:
-    """(h - h_stand)²."""
+    """Return (h - h_stand)²."""
     return s.height_error.square()
 
 
 def torque(s: Snapshot) -> torch.Tensor:
-    """Sum of (τ / τ_max)²."""
+    """Return the sum of (τ / τ_max)²."""
     return s.torque_share.square().sum(-1)
 
 
 def joint_acceleration(s: Snapshot) -> torch.Tensor:
-    """Sum of squares."""
+    """Return the sum of squares."""
     return s.joint_acceleration.square().sum(-1)
 
 
 def action_rate(s: Snapshot) -> torch.Tensor:
-    """Sum of squares."""
+    """Return the sum of squares."""
     return s.action_change.square().sum(-1)
 
 
 def hip_deviation(s: Snapshot) -> torch.Tensor:
-    """Sum of squares over the joints that move a leg sideways or turn it."""
+    """Return the sum of squares over the joints that move a leg sideways or turn it."""
     return s.sideways_deviation.square().sum(-1)
 
 
 def stand_still(s: Snapshot) -> torch.Tensor:
-    """Sum of |q - q_stand| while standing is commanded."""
+    """Return the sum of |q - q_stand| while standing is commanded."""
     return s.joint_deviation.abs().sum(-1) * ~s.moving
 
 
 def fall(s: Snapshot) -> torch.Tensor:
-    """1 in the step of the fall."""
+    """Return 1 in the step of the fall."""
     return s.fallen.float()

@@ -1,18 +1,18 @@
 """Left-right symmetry of the task: every observation group and the actions of the mirrored robot in the mirrored world.
 
-    o'_i = factor_i o_index_i + shift_i
+  o'_i = factor_i o_index_i + shift_i
 
-* What has a direction in the base follows the reflection y -> -y: (x, -y, z), rates of turn (-x, y, -z), roll and pitch
-  (-φ, ψ), commands (v_x, -v_y, -ω).
-* Which side begins is turned around, and phases of the gait clock are exchanged with those of the other feet.
+* Vectors in the base follow the reflection y -> -y: (x, -y, z), angular velocities (-x, y, -z), roll and pitch (-φ, ψ),
+  commands (v_x, -v_y, -ω).
+* The first side changes its sign, and phases of the gait clock are exchanged with those of the other feet.
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
 * Means of |e|, |θ'| and e θ', friction, rotor inertia and damping are exchanged without sign. The last two multiply a
   joint's own nominal value, and are converted where that differs from its image's (factor and shift).
-* What belongs to a kind of joint is exchanged with that of the kind of its joints' images.
+* Values of a kind of joint are exchanged with those of the kind of its joints' images.
 * The elevation map is looked up at (x, -y); a history is mirrored frame by frame.
 
-A step of the mirrored robot is the mirror image of the robot's, to rounding, as far as the solver is done: Newton is,
-the few sweeps of PGS are not.
+A step of the mirrored robot is the mirror image of the robot's, to rounding, if the solver converges: Newton does, the
+few sweeps of PGS do not.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ class Rows:
 
     @classmethod
     def exchanged(cls, index: np.ndarray) -> Rows:
-        """Take entries from elsewhere, as they are."""
+        """Return rows that exchange entries, unchanged."""
         return cls(index, np.ones(len(index)))
 
     @classmethod
     def signed(cls, sign: np.ndarray) -> Rows:
-        """Leave entries in their places, each with its sign."""
+        """Return rows that keep entries in place, each with its sign."""
         return cls(np.arange(len(sign)), sign)
 
     @classmethod
     def joined(cls, parts: list[Rows]) -> Rows:
-        """Put parts of a vector one behind the other."""
+        """Return the rows of concatenated parts of a vector."""
         begin = np.cumsum([0, *(len(part.index) for part in parts)])
         shifts = [np.zeros(len(part.index)) if part.shift is None else part.shift for part in parts]
         return cls(
@@ -65,14 +65,14 @@ class Rows:
 
 
 class VectorMirror(nn.Module):
-    """Mirrors the last axis of a tensor. Its numbers go into the checkpoint of the network that uses them."""
+    """Mirror of the last axis of a tensor. Its numbers are part of the checkpoint of the network that uses them."""
 
     index: torch.Tensor
     factor: torch.Tensor
     shift: torch.Tensor | None
 
     def __init__(self, rows: Rows) -> None:
-        """Keep the rows as buffers."""
+        """Register the rows as buffers."""
         super().__init__()
         self.register_buffer("index", torch.as_tensor(rows.index, dtype=torch.long))
         self.register_buffer("factor", torch.as_tensor(rows.factor, dtype=torch.float32))
@@ -86,27 +86,27 @@ class VectorMirror(nn.Module):
 
 
 class TaskMirror(nn.Module):
-    """Mirrors observations and actions of a task."""
+    """Mirror of observations and actions of a task."""
 
     def __init__(self, groups: dict[str, Rows], action: Rows) -> None:
-        """`groups`: of every observation group; `action`: of the action."""
+        """Store the mirrors; `groups`: of every observation group; `action`: of the action."""
         super().__init__()
         self.rows = {**groups, "action": action}
         self.groups = nn.ModuleDict({name: VectorMirror(rows) for name, rows in groups.items()})
         self.action = VectorMirror(action)
 
     def forward(self, observations: TensorDict) -> TensorDict:
-        """Return the mirror image of every group. Raises `StictionError` for a group that has no rule."""
+        """Return the mirror image of every group. Raises `StictionError` for a group without a rule."""
         image = {name: self.group(name)(value) for name, value in observations.items()}
         return TensorDict(image, batch_size=observations.batch_size)
 
     def group(self, name: str) -> VectorMirror:
-        """Return the mirror of one group. Raises `StictionError` where it has no rule."""
+        """Return the mirror of one group. Raises `StictionError` for a group without a rule."""
         if name not in self.groups:
             raise _no_rule(name)
-        found = self.groups[name]
-        assert isinstance(found, VectorMirror)
-        return found
+        mirror = self.groups[name]
+        assert isinstance(mirror, VectorMirror)
+        return mirror
 
 
 def task_mirror(env: LocomotionEnv) -> TaskMirror:
@@ -134,7 +134,7 @@ def _no_rule(group: str) -> ConfigurationError:
 
 
 def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
-    """Refuse a task whose unobserved parts are not their own mirror image."""
+    """Reject a task whose unobserved parts are not their own mirror image."""
     names = env.spec.joint_names
     if env.compensation is not None:
         angle = env.compensation.cpu().numpy()
@@ -205,7 +205,7 @@ def _privileged(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
 
 
 def _ratio(name: str, nominal: np.ndarray, joint_names: tuple[str, ...], mirror: RobotMirror) -> np.ndarray:
-    """Return the nominal value of each joint's image over its own; raise `StictionError` where one alone is zero."""
+    """Return the nominal value of each joint's image over its own; raise `StictionError` where only one is zero."""
     other = nominal[mirror.joints]
     alone = np.flatnonzero((nominal == 0.0) & (other != 0.0))
     if len(alone):
@@ -218,7 +218,7 @@ def _ratio(name: str, nominal: np.ndarray, joint_names: tuple[str, ...], mirror:
 
 
 def _explicit(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
-    """Return the rule of o_exp: the base's velocity, which feet carry load, and the friction of kinds of joints."""
+    """Return the rule of o_exp: the base's velocity, the contact of feet, and the friction of kinds of joints."""
     parts = [Rows.signed(POSITION), Rows.exchanged(mirror.feet)]
     if env.cfg.estimated_friction:
         parts.append(Rows.exchanged(mirrored_kinds(env.spec, mirror)))

@@ -1,12 +1,12 @@
-"""Robots of the task, in torch: the NumPy fleet on the host, its motors, and which simulator a training computes with.
+"""Robots of the task, in torch: the NumPy fleet on the host, its motors, and the choice of the simulator of a training.
 
-The task asks the same of `HostFleet` and of `sim.torch_fleet.TorchFleet`, which keeps everything on the device of
-MuJoCo Warp. What is read is a copy; robots are chosen as `sim.chosen` says.
+The task uses the same interface of `HostFleet` and of `sim.torch_fleet.TorchFleet`, which stays on the device of MuJoCo
+Warp. Values read are copies; robots are selected as in `sim.indexing`.
 
-Motors of an Actuator Net, in NumPy: gains and delays are the net's, and the simulator's own delay is off. A motor
-strength multiplies what the net gives. Its torque is held over a step, so that damping is explicit. Friction: a net of
-motor-side torque does not contain the joint's friction, the simulation keeps its own; a net of output-side torque
-contains dry and viscous friction, and the simulation's are zero. Rotor inertia is in neither.
+Motors of an Actuator Net, in NumPy: gains and delays are the net's, and the simulator's delay is off. A motor strength
+multiplies the net's output. Its torque is held over a step, so that damping is explicit. Friction: a net of motor-side
+torque does not contain the joint's friction, which the simulation keeps; a net of output-side torque contains dry and
+viscous friction, and the simulation's are zero. Rotor inertia is in neither.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from stiction.core.errors import EngineError
 from stiction.files.method import find_method
 from stiction.joints.friction import Law
 from stiction.joints.net import ActuatorMemory, ActuatorNet
-from stiction.sim.chosen import numbered
 from stiction.sim.fleet import Fleet, JointFriction
+from stiction.sim.indexing import to_ids
 from stiction.sim.native import NativeSimulation, Simulation
 from stiction.task.config import TaskCfg
 
@@ -36,14 +36,16 @@ TaskFleet: TypeAlias = "HostFleet | TorchFleet"
 
 
 class NetMotors:
-    """Motors of a fleet whose torque an Actuator Net gives, from targets that are held over the control period."""
+    """Motors of a fleet with the torque of an Actuator Net, from targets that are held over the control period."""
 
     def __init__(self, fleet: Fleet, net: ActuatorNet) -> None:
-        """Take over actuators and, where the net has it, friction. Raises `FileError` where the net does not fit."""
+        """Replace the actuators and, if the net includes it, friction. Raises `FileError` for a net that does not
+        match.
+        """
         net.check_use(fleet.spec.name, fleet.spec.joint_names, fleet.torque_limit, fleet.timestep)
         self.net, self.memory = net, ActuatorMemory(net, fleet.num_envs)
         self.strength = np.ones((fleet.num_envs, fleet.spec.num_joints))
-        """Torque delivered over torque that the net gives, shape (N, J); the torque limit stays."""
+        """Delivered torque over the net's, shape (N, J); the torque limit stays."""
         self._command = fleet.drive_by_torque()
         if self.holds_friction:
             fleet.friction[:] = 0.0
@@ -53,7 +55,7 @@ class NetMotors:
 
     @property
     def holds_friction(self) -> bool:
-        """Whether the joints' dry and viscous friction are in the net: the simulation's own must then be zero."""
+        """True if the joints' dry and viscous friction are in the net: the simulation's must then be zero."""
         return self.net.torque_source == "output_side"
 
     def _act(self, fleet: Fleet) -> None:
@@ -64,11 +66,11 @@ class NetMotors:
             np.multiply(torque, self.strength, out=self._command)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return what the next torque depends on beside the simulation and `strength`, copies, for a checkpoint."""
+        """Return the state of the next torque apart from the simulation and `strength`, copies, for a checkpoint."""
         return {"past": self.memory.past.copy(), "fresh": self.memory.fresh.copy()}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
+        """Restore a `state`."""
         self.memory.past[...] = state["past"]
         self.memory.fresh[...] = state["fresh"]
 
@@ -84,18 +86,18 @@ def copied(name: str) -> Any:
 
 
 class HostFleet:
-    """`Fleet`, with the friction of its joints and what gives their torque."""
+    """`Fleet`, with the friction of its joints and their motors."""
 
     def __init__(self, fleet: Fleet, laws: tuple[Law, ...], motors: NetMotors | None = None) -> None:
-        """Begin without friction; `motors`: those of an Actuator Net, in place of the PD law."""
-        self.fleet, self.motors, self.home = fleet, motors, torch.device("cpu")
+        """Start without friction; `motors`: those of an Actuator Net, in place of the PD law."""
+        self.fleet, self.motors, self.task_device = fleet, motors, torch.device("cpu")
         self.law = JointFriction(fleet, *laws)
         self.spec, self.num_envs, self.timestep = fleet.spec, fleet.num_envs, fleet.timestep
         self.standing, self.torque_limit = fleet.standing, fleet.torque_limit
         self.nominal_kp, self.nominal_kd = fleet.nominal_kp, fleet.nominal_kd
         self.blown_up = fleet.blown_up
         self.start: np.ndarray | None = None
-        """Where the robots of the next reset begin, elsewhere than at the origin, (n, 2) [m]."""
+        """Starts of the next reset, if not the origin, (n, 2) [m]."""
 
     base_angular_velocity = copied("base_angular_velocity")
     base_linear_velocity = copied("base_linear_velocity")
@@ -111,11 +113,11 @@ class HostFleet:
 
     @property
     def foot_contact(self) -> torch.Tensor:
-        """Whether each foot carries load, (N, feet) bool."""
+        """True for each foot that carries load, (N, feet) bool."""
         return torch.from_numpy(self.fleet.foot_contact)
 
     def fallen(self) -> torch.Tensor:
-        """Return whether each robot lies or is about to, (N,) bool."""
+        """Return whether each robot has fallen or is about to, (N,) bool."""
         return torch.from_numpy(self.fleet.fallen())
 
     def set_targets(self, targets: torch.Tensor) -> None:
@@ -123,35 +125,35 @@ class HostFleet:
         self.fleet.set_targets(targets.numpy())
 
     def step(self) -> torch.Tensor:
-        """Advance one control period; return which robots blew up, (N,) bool, reset to standing."""
+        """Advance one control period; return the mask of robots that blew up, (N,) bool, reset to standing."""
         blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
         blown_up[self.fleet.step()] = True
         return blown_up
 
     def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
         """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
-        ids, velocity = numbered(which, velocity)
+        ids, velocity = to_ids(which, velocity)
         self.fleet.push(velocity.double().numpy(), ids.numpy())
 
-    def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """Give the robots `which` what `Randomizer.apply` has drawn, and recompute what derives from it."""
+    def set_parameters(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
+        """Apply parameters of `Randomizer.apply` to the robots `which`, and recompute the derived constants."""
         names, fleet = list(values), self.fleet
-        ids, *rows = numbered(which, *values.values())
-        robots, given = ids.numpy(), {name: row.numpy() for name, row in zip(names, rows, strict=True)}
-        fleet.armature[robots] = given["armature"]
-        fleet.damping[robots] = given["damping"]
-        levels = [given[name] for name in ("frictionloss", "load_coefficient") if name in given]
-        self.law.set_level(*levels, ids=robots, numbers=given)
+        ids, *rows = to_ids(which, *values.values())
+        robots, parameters = ids.numpy(), {name: row.numpy() for name, row in zip(names, rows, strict=True)}
+        fleet.armature[robots] = parameters["armature"]
+        fleet.damping[robots] = parameters["damping"]
+        levels = [parameters[name] for name in ("frictionloss", "load_coefficient") if name in parameters]
+        self.law.set_level(*levels, ids=robots, numbers=parameters)
         if self.motors is None:
-            fleet.set_gains(given["kp"], given["kd"], robots)
-            fleet.delay[robots] = given["delay"]
+            fleet.set_gains(parameters["kp"], parameters["kd"], robots)
+            fleet.delay[robots] = parameters["delay"]
         else:
-            self.motors.strength[robots] = given["motor_strength"]
-        fleet.set_ground_friction(given["ground_friction"][:, 0], robots)
-        if "contact_time" in given:
-            fleet.set_contact_time(given["contact_time"][:, 0], robots)
-        fleet.base_mass[robots] = given["base_mass"]
-        fleet.base_com[robots] = given["base_com"]
+            self.motors.strength[robots] = parameters["motor_strength"]
+        fleet.set_ground_friction(parameters["ground_friction"][:, 0], robots)
+        if "contact_time" in parameters:
+            fleet.set_contact_time(parameters["contact_time"][:, 0], robots)
+        fleet.base_mass[robots] = parameters["base_mass"]
+        fleet.base_com[robots] = parameters["base_com"]
         # Last: it derives constants from the masses and armatures above.
         fleet.set_const(robots)
 
@@ -168,40 +170,40 @@ class HostFleet:
         """
         values = {"joint_position": offset, "heading": heading, "velocity": velocity}
         known = {name: value for name, value in values.items() if value is not None}
-        ids, *rows = numbered(which, *known.values())
-        given = {name: row.double().numpy() for name, row in zip(known, rows, strict=True)}
+        ids, *rows = to_ids(which, *known.values())
+        start_values = {name: row.double().numpy() for name, row in zip(known, rows, strict=True)}
         if offset is not None:
-            given["joint_position"] = self.standing + given["joint_position"]
+            start_values["joint_position"] = self.standing + start_values["joint_position"]
         start, self.start = self.start, None
-        self.fleet.reset(ids.numpy(), **given, position=start)
+        self.fleet.reset(ids.numpy(), **start_values, position=start)
 
     def state(self) -> dict[str, Any]:
         """Return a copy of the simulation's state, for a checkpoint."""
         return self.fleet.simulation.state()
 
     def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Restore what `state` returned."""
+        """Restore a `state`."""
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state.items()})
 
 
 @dataclass(frozen=True)
 class Device:
-    """A simulator, and the torch device beside it."""
+    """Simulator and its torch device."""
 
     torch: str = "cpu"
-    """Where observations are handed out and actions come from."""
+    """Device of observations and actions."""
     backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation
-    """Makes the batched simulation of a task on the host, from model, number and threads."""
+    """Function that makes the batched simulation of a task on the host, from model, number and threads."""
     fleet: Callable[..., TaskFleet] | None = None
-    """Makes the robots of a task on the device, from robot, number, physics step, decimation and `PhysicsCfg`; None:
-    the task is on the host."""
+    """Function that makes the robots of a task on the device, from robot, number, physics step, decimation and
+    `PhysicsCfg`; None: the task is on the host."""
 
 
 CPU = Device()
 
 
-def why_on_host(task: TaskCfg, netted: bool = False) -> str | None:
-    """Return what of a task, or a net, keeps it on the host; None: nothing."""
+def host_reason(task: TaskCfg, netted: bool = False) -> str | None:
+    """Return why a task, or a net, must stay on the host, or None."""
     method = find_method(task.friction.method)
     lacking = {
         f"terrain {task.terrain.kind!r}": task.terrain.kind != "flat",
@@ -214,9 +216,9 @@ def why_on_host(task: TaskCfg, netted: bool = False) -> str | None:
 
 
 def find_device(name: str, contacts: int, gpu: int = 0, on_host: bool = True) -> Device:
-    """Return a device by its name; `contacts`: room for them, a robot; `on_host`: only the simulator is on it.
+    """Return a device by its name; `contacts`: room for them, per robot; `on_host`: only the simulator is on it.
 
-    Raises `StictionError` where this machine has no such device, `ModuleNotFoundError` without the extra `gpu`.
+    Raises `StictionError` for a device missing on this machine, `ModuleNotFoundError` without the extra `gpu`.
     """
     if name == "cpu":
         return CPU

@@ -1,4 +1,4 @@
-"""Walking on other than flat ground: which robot on what, how hard, and what is commanded there."""
+"""Terrain: the course and difficulty of each robot, and its commands there."""
 
 from __future__ import annotations
 
@@ -27,53 +27,53 @@ START = 0.7
 """Distance of a robot's start from the foot of its course [m]."""
 
 FINISH_MARGIN = 0.6
-"""A robot that is this far beyond the other foot has crossed its course [m]."""
+"""Distance beyond the other foot at which a robot has crossed its course [m]."""
 
 LENGTH = START + 2 * REACH + FINISH_MARGIN
-"""Distance from the start to where a course has been crossed [m]."""
+"""Length from the start to the end of a crossed course [m]."""
 
 START_HALF_WIDTH = 1.0
 """Half-width of the start, across the course [m]."""
 
 HEADING_ERROR = 0.2
-"""Half-width of the first error of heading [rad]."""
+"""Half-width of the initial error of heading [rad]."""
 
 FASTEST = 10.0
 """Bound of the commanded speed [m/s]."""
 
 SCAN = (np.linspace(-0.6, 0.9, 13), np.linspace(-0.3, 0.3, 5))
-"""Where the elevation map is sampled, forward and left of the base [m]: a tread is two to three points deep."""
+"""Points of the elevation map, forward and left of the base [m]: a tread is two to three points deep."""
 
 SCAN_POINTS = np.stack(np.meshgrid(*SCAN, indexing="ij"), -1).reshape(-1, 2)
 
-UNDER = (np.abs(SCAN_POINTS[:, 0]) <= 0.35) & (np.abs(SCAN_POINTS[:, 1]) <= 0.2)
-"""The points of the map that lie under the trunk: their mean is the ground that the base's height counts from."""
+UNDER_TRUNK = (np.abs(SCAN_POINTS[:, 0]) <= 0.35) & (np.abs(SCAN_POINTS[:, 1]) <= 0.2)
+"""Points of the map under the trunk: their mean is the ground for the base's height."""
 
 
 @dataclass(frozen=True)
 class TerrainCfg:
-    """The ground in training, and the curriculum over it."""
+    """Ground in training, and its curriculum."""
 
     kind: Annotated[TerrainName, flag("--terrain")] = "flat"
-    """The ground; a quarter of the robots stays on flat ground. mixed: slopes, rough ground and stairs."""
+    """Ground; a quarter of the robots stays on flat ground. mixed: slopes, rough ground and stairs."""
     levels: int = 10
-    """Levels of difficulty, each of an equal range in which a course is drawn: steps of 0 to 2 cm in the lowest, of 18
-    to 20 cm in the highest; slopes up to 26°, slabs up to 15 cm."""
+    """Levels of difficulty, equal ranges in which a course is drawn: steps of 0 to 2 cm in the lowest, of 18 to 20 cm
+    in the highest; slopes up to 26°, slabs up to 15 cm."""
     first_level: int = 2
-    """Levels are drawn from 0 up to this one at first."""
+    """Highest initial level; initial levels are drawn from 0 on."""
     promote_above: float = 0.75
-    """A robot goes one level up after an episode in which it covered more than this share of what was commanded..."""
+    """Share of the commanded distance above which a robot goes one level up after an episode..."""
     demote_below: float = 0.4
-    """... and one down where it covered less than this. After a fall the rest of the course counts as commanded too."""
+    """... and below which it goes one down. After a fall the rest of the course counts as commanded too."""
     speed: tuple[float, float] = (0.3, 0.55)
     """Commanded speed across a course [m/s]."""
     heading_gain: float = 1.0
-    """Turn rate over error of heading, by which robots on a course are steered [1/s]."""
+    """Turn rate over error of heading, for robots on a course [1/s]."""
     elevation_noise: float = 0.02
     """Half-width of the noise on the elevation map [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse unknown ground, and numbers that make no curriculum."""
+        """Validate ground and numbers of the curriculum."""
         if self.kind not in get_args(TerrainName):
             raise ConfigurationError(unknown_name("terrain", self.kind, get_args(TerrainName)))
         if not 0 <= self.first_level < self.levels or not 0 <= self.demote_below <= self.promote_above:
@@ -93,7 +93,7 @@ class TerrainCfg:
 
 
 FASTEST_TURN = 0.6
-"""Largest turn rate by which a heading is held [rad/s]."""
+"""Maximum turn rate for holding a heading [rad/s]."""
 
 
 def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
@@ -102,11 +102,11 @@ def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
 
 
 STATE, TERRAIN_STATE = ("level", "heading", "speed", "covered", "asked"), ("difficulty", "position", "quaternion")
-"""What a checkpoint holds of a curriculum, and of its terrain."""
+"""Fields of a curriculum, and of its terrain, in a checkpoint."""
 
 
 class Curriculum:
-    """The ground, level and course of each robot. Levels move at the end of an episode."""
+    """Ground, level and course of each robot. Levels change at the end of an episode."""
 
     def __init__(self, cfg: TerrainCfg, num: int, generator: np.random.Generator) -> None:
         """Assign kinds and draw first levels."""
@@ -118,7 +118,7 @@ class Curriculum:
         self.covered, self.asked = np.zeros(num), np.zeros(num)
 
     def begin(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Move the levels of the robots `ids` and start their next episode along the course but for `HEADING_ERROR`.
+        """Update the levels of the robots `ids` and start their next episode along the course up to `HEADING_ERROR`.
 
         Returns difficulty (n,), numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
         """
@@ -155,21 +155,21 @@ class Curriculum:
         return vector[:, 0] * np.cos(self.heading) + vector[:, 1] * np.sin(self.heading)
 
     def walk(self, velocity: np.ndarray, period: float) -> None:
-        """Count the distance of one control period. `velocity`: of the base in the world, (N, 2) [m/s]."""
+        """Add the distance of one control period. `velocity`: of the base in the world, (N, 2) [m/s]."""
         self.covered += self._along(velocity) * period
         self.asked += self.speed * period
 
     def fall(self, fallen: np.ndarray, left: np.ndarray) -> None:
-        """Count the rest of a course as commanded for robots that fell, (N,) bool; left: of their episodes [s]."""
+        """Count the rest of a course as commanded for fallen robots, (N,) bool; left: of their episodes [s]."""
         whole = np.minimum(self.asked + self.speed * left, LENGTH)
         self.asked = np.where(fallen, np.maximum(self.asked, whole), self.asked)
 
     def crossed(self, position: np.ndarray) -> np.ndarray:
-        """Return which robots have crossed their courses, (N,) bool. `position`: of the base, (N, 2) [m]."""
+        """Return the mask of robots that crossed their courses, (N,) bool. `position`: of the base, (N, 2) [m]."""
         return self.on_course & (self._along(position) > REACH + FINISH_MARGIN)
 
     def figures(self) -> dict[str, float]:
-        """Return mean level and mean difficulty in its own unit, by kind of ground."""
+        """Return mean level and mean difficulty in its unit, by kind of ground."""
         figures = {"terrain/level": float(self.level[self.on_course].mean())}
         unit = {"stairs": "step_height", "slope": "slope", "rough": "slab_height"}
         for name in self.terrain.used:
@@ -180,13 +180,13 @@ class Curriculum:
         return figures
 
     def state(self) -> dict[str, Any]:
-        """Return what a checkpoint must hold."""
+        """Return the state for a checkpoint."""
         mine = {name: getattr(self, name).copy() for name in STATE}
         ground = {name: getattr(self.terrain, name).copy() for name in TERRAIN_STATE}
         return mine | ground | {"generator": self.generator.bit_generator.state}
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Restore what `state` returned."""
+        """Restore a `state`."""
         for name in STATE:
             getattr(self, name)[:] = np.asarray(state[name])
         self.generator.bit_generator.state = state["generator"]

@@ -1,1 +1,1 @@
-"""The virtual robot that plays the real one: an engine with hidden joints, sensors, wear, and its test bench."""
+"""Virtual robot: an engine with hidden joints, sensors, wear, and its test bench, in place of a real robot."""

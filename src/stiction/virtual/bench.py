@@ -1,9 +1,9 @@
-"""The bench: the robot is bolted to a stand, legs in the air, and its joints are moved, logged and identified.
+"""Bench: the robot is bolted to a stand, legs in the air, and its joints are moved, logged and identified.
 
-The log is what a person would record through its `Port`: encoder angles, the target that is then sent, and the motors'
-mean torque in the period after; nothing of the hidden truth. All joints of a kind move at once, one in every leg, as
-`stiction excite` does: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice.
-Expected errors are measured by `stiction study bench`.
+The log is what a user would record through its `Port`: encoder angles, the next target, and the motors' mean torque in
+the period after; nothing of the hidden truth. All joints of a kind move at once, one in every leg, as `stiction excite`
+does: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice. Expected errors are
+measured by `stiction study bench`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from stiction.virtual.robot import VirtualRobot
 from stiction.virtual.trial import World
 
 SETTLING = 1.0
-"""Time that the legs hang at rest before each log [s]."""
+"""Time at rest before each log [s]."""
 
 MOTION = Pattern(
     share=0.4,
@@ -46,24 +46,25 @@ MOTION = Pattern(
     phases=(0.0, 0.5 * pi, 1.1 * pi),
     fast_peak=0.35,
 )
-"""About the standing pose. The swing is more than twice the dead band of a friction of 30 % of the torque limit."""
+"""Motion about the standing pose. The swing is more than twice the dead band of a friction of 30 % of the torque
+limit."""
 
 
 @dataclass(frozen=True)
 class BenchCfg:
-    """How a bench log is made."""
+    """Settings of a bench log."""
 
     kinds: tuple[str, ...] = ()
-    """Kinds of joints to log, in this order; one alone after a repair, say. None named: all of the robot's."""
+    """Kinds of joints to log, in this order; one alone after a repair, for example. Empty: all of the robot's."""
     seconds: float = 20.0
     """Length of each kind's log [s]: the motion, twice."""
     motion: Pattern = field(default_factory=lambda: MOTION)
     """Offsets from the standing pose."""
     stiffness: float = 1.0
-    """Gains during the log over those of the data sheet [1]; kd goes with the root, which keeps the damping ratio."""
+    """Gains during the log over those of the data sheet [1]; kd scales with the root, which keeps the damping ratio."""
 
     def __post_init__(self) -> None:
-        """Refuse logs from which nothing can be identified."""
+        """Reject settings that cannot be identified from."""
         if len(set(self.kinds)) < len(self.kinds):
             raise ConfigurationError(f"bench logs of {self.kinds}: expected different kinds of joints")
         if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
@@ -129,12 +130,12 @@ BENCH_CODE = (
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py"),
     *(f"files/{name}.py" for name in ("advice", "following", "joints", "log", "onset")),
 )
-"""Code that decides what a bench finds."""
+"""Modules that determine a bench's results."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """One robot on its bench."""
+    """Robot on its bench."""
 
     engine: str
     case: Case
@@ -158,25 +159,25 @@ class Bench:
 
 
 def identify_on_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
-    """Identify a robot on its bench into `folder`, an entry of `core.cache`; records are empty where none can be."""
+    """Identify a robot on its bench into `folder`, an entry of `core.cache`; records are empty where this fails."""
     log = bench_log(bench.robot().handle, bench.spec, bench.cfg)
     try:
         joints = identified(log, workers)
     except StictionError as error:
         joints = JointsFile({name: refused(f"no joint was; {error}") for name in log.joints})
     with publish_entry(folder, bench.key, bench.label) as partial:
-        write_found(joints, partial)
+        write_bench_results(joints, partial)
 
 
 def identified(log: Log, workers: int = 1) -> JointsFile:
-    """Return what is found in a bench log; raise `StictionError` where no joint can be identified."""
-    found, refused = identify_log(log, workers=workers)
-    records = {name: result.record for name, result in found.items()} | refused
+    """Return the records of a bench log; raise `StictionError` where no joint can be identified."""
+    identified_joints, refused = identify_log(log, workers=workers)
+    records = {name: result.record for name, result in identified_joints.items()} | refused
     return JointsFile({name: records[name] for name in log.joints})
 
 
-def write_found(joints: JointsFile, folder: Path) -> None:
-    """Write what was found on a bench, as `stiction identify` does. May raise `OSError`."""
+def write_bench_results(joints: JointsFile, folder: Path) -> None:
+    """Write the results of a bench, as `stiction identify` does. May raise `OSError`."""
     joints.write(folder / JOINTS)
     write_proposal(folder, joints)
 
@@ -189,7 +190,7 @@ def walk_log(
     command: str = "",
     torque_source: TorqueSource = "motor_side",
 ) -> WalkLog:
-    """Return the log of a walk, with nothing of the robot's hidden truth.
+    """Return the log of a walk, without the robot's hidden truth.
 
     steps: of the pilot, at least one; spec: the data sheet; recorded_in: name of the engine; command: its label.
     """

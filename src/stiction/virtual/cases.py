@@ -29,13 +29,13 @@ REST = tuple(name for name in GROUPS if name != "friction")
 CELLS: dict[str, tuple[str, ...]] = {"nominal": (), "friction": ("friction",), "rest": REST, "all": GROUPS}
 
 BENCH = "bench"
-"""A level: the friction of each kind of joint in the data sheet, as measured without load."""
+"""Name of a level: the friction of each kind of joint in the data sheet, as measured without load."""
 
 LOAD = 0.02
-"""Load coefficient beside the bench's value [-]: about a planetary gear of 90 % efficiency."""
+"""Load coefficient in addition to the bench's value [-]: about a planetary gear of 90 % efficiency."""
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
-"""Levels of the comparison: of the torque limit, the paper's 1 % among them, and the bench's."""
+"""Levels of the comparison: shares of the torque limit, the paper's 1 % among them, and the bench's."""
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class Level:
 
     @property
     def label(self) -> str:
-        """The level as people type it: `0.1`, `bench`, `bench+0.02`."""
+        """Level as typed: `0.1`, `bench`, `bench+0.02`."""
         base = BENCH if self.share is None else f"{self.share:g}"
         return f"{base}+{self.load:g}" if self.load else base
 
     @property
     def is_none(self) -> bool:
-        """Whether there is no friction at all."""
+        """True if there is no friction at all."""
         return self.share == 0 and self.load == 0
 
     def coulomb(self, spec: Robot) -> np.ndarray:
-        """Return the friction of every joint before its own share [N m], shape (J,)."""
+        """Return the friction of every joint before its share [N m], shape (J,)."""
         if self.share is None:
             return spec.joint_values("frictionloss")
         return self.share * spec.joint_values("torque_limit")
@@ -83,23 +83,23 @@ def parse_level(text: str) -> Level:
 
 
 def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
-    """Return the levels that texts name; raise `StictionError` where there is none or one twice (0.1 and 0.10)."""
+    """Return the levels of several texts; raise `StictionError` for none, or for a repeated one (0.1 and 0.10)."""
     check_once("friction levels", texts, same=lambda text: parse_level(text).label)
     return tuple(map(parse_level, texts))
 
 
 @dataclass(frozen=True)
 class Case:
-    """One robot of the experiment."""
+    """Robot of the experiment."""
 
     seed: int
     cell: str
     """One of `CELLS`, or groups joined by `+`."""
     level: Level
-    """Of its dry friction; none where friction is not among the groups."""
+    """Level of its dry friction; zero if friction is not among the groups."""
 
     def __post_init__(self) -> None:
-        """Refuse groups that do not exist, and friction where the cell has none."""
+        """Reject unknown groups, and friction in a cell without it."""
         if wrong := sorted(set(self.groups) - set(GROUPS)):
             raise ConfigurationError(
                 f"cell {self.cell!r}: {unknown_name('group', wrong[0], dict.fromkeys((*CELLS, *GROUPS)))}"
@@ -109,7 +109,7 @@ class Case:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """Names of the groups that are real."""
+        """Names of the real groups."""
         return CELLS[self.cell] if self.cell in CELLS else tuple(self.cell.split("+"))
 
     @property
@@ -118,15 +118,15 @@ class Case:
         return f"{self.cell}--{self.level.label}--{self.seed}"
 
     def robot(self, hidden: Hidden) -> Hidden:
-        """Return what the robot `hidden` is in this cell."""
+        """Return the robot of `hidden` in this cell."""
         return hidden.only(self.groups)
 
     def coulomb(self, hidden: Hidden, spec: Robot) -> np.ndarray:
-        """Return the dry friction that its joints have without load, f [N m], shape (J,)."""
+        """Return the dry friction of its joints without load, f [N m], shape (J,)."""
         return self.level.coulomb(spec) * self.robot(hidden).friction.share
 
     def shown(self, hidden: Hidden, spec: Robot) -> np.ndarray:
-        """Return the same as its motors' torque shows it, f/k [N m], shape (J,): k is their strength."""
+        """Return the same as seen in its motors' torque, f/k [N m], shape (J,): k is their strength."""
         return self.coulomb(hidden, spec) / self.robot(hidden).motors.strength
 
     def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
@@ -137,7 +137,7 @@ class Case:
 def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Sequence[str] = tuple(CELLS)) -> list[Case]:
     """Return every robot of an experiment once: by seed, then by cell, then by level.
 
-    Cells without friction have level 0 alone; those with it leave that out where it is another cell's.
+    Cells without friction have only level 0; cells with friction leave out level 0 where another cell has it.
     """
     parsed = parse_levels(levels)
     cases = []
@@ -155,16 +155,16 @@ def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Seque
 
 @dataclass(frozen=True)
 class DataSheet:
-    """The robot of the data sheet, with the same share of friction in every joint."""
+    """Robot of the data sheet, with the same share of friction in every joint."""
 
     seed: int
-    """Of start poses and sensor noise."""
+    """Seed for start poses and sensor noise."""
     law: Law
     level: float
     """Friction as a fraction of the torque limit, or its coefficient [-]."""
 
     def robot(self, hidden: Hidden) -> Hidden:
-        """Return a robot in which nothing is hidden."""
+        """Return a robot without hidden imperfections."""
         return hidden.only(())
 
     def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
@@ -174,7 +174,7 @@ class DataSheet:
 
 
 FIRST_REPORTED = 1000
-"""Seed of the first virtual robot that is reserved for results."""
+"""Lowest seed of a virtual robot reserved for results."""
 
 
 def reported(count: int) -> tuple[int, ...]:
@@ -183,7 +183,7 @@ def reported(count: int) -> tuple[int, ...]:
 
 
 def warnings_on(seeds: Iterable[int]) -> list[str]:
-    """Return a warning that results are on robots reserved for tuning, or none."""
+    """Return a warning if results are on robots reserved for tuning."""
     tuned = [str(seed) for seed in seeds if seed < FIRST_REPORTED]
     if not tuned:
         return []

@@ -1,7 +1,7 @@
-"""The one driver of walks: `drive` takes whatever walks from control period to control period; noise of its sensors.
+"""Driver of walks: `drive` advances any walker from control period to control period; noise of its sensors.
 
-What walks is a batch (`evaluation.rollout.Rollout`) or one virtual robot (`virtual.trial.VirtualWalk`). Recordings,
-logs, golden vectors and clips are loops over `drive`.
+A walker is a batch (`evaluation.rollout.Rollout`) or one virtual robot (`virtual.trial.VirtualWalk`). Recordings, logs,
+golden vectors and clips are loops over `drive`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Truth:
     friction: np.ndarray
     """Bounds of the joints' dry friction [N m], shape (N, J)."""
     fallen: np.ndarray
-    """Robots that lie, or blew up in this period, bool, shape (N,)."""
+    """True for robots that have fallen, or blew up in this period, bool, shape (N,)."""
 
 
 class Walker(Protocol[Step]):
@@ -54,22 +54,22 @@ class Walker(Protocol[Step]):
 
 
 class Observed(Walker[Step], Protocol[Step]):
-    """A walker whose ground truth is known."""
+    """Walker with known ground truth."""
 
     def truth(self) -> Truth:
         """Return the ground truth at the end of the last control period."""
 
 
-def unheard(share: float) -> None:
+def ignore_progress(share: float) -> None:
     """Ignore the progress of a walk."""
 
 
 def drive(
-    walker: Walker[Step], commands: Commands, steps: int, progress: Callable[[float], None] = unheard
+    walker: Walker[Step], commands: Commands, steps: int, progress: Callable[[float], None] = ignore_progress
 ) -> Iterator[Step]:
     """Advance a walker by `steps` control periods and yield each step when it is done; a caller may stop sooner.
 
-    progress: called with the share that is done [-]. Raises whatever the walker's step does, such as `BlownUp`.
+    progress: called with the finished share [-]. Raises any error of the walker's step, such as `BlownUp`.
     """
     for number in range(steps):
         yield walker.step(commands(number) if callable(commands) else commands)
@@ -77,10 +77,10 @@ def drive(
 
 
 class Recorder:
-    """Records the ground truth of a walk: call `record` at the end of every control period."""
+    """Recorder of the ground truth of a walk: call `record` at the end of every control period."""
 
     def __init__(self, walker: Observed[object], period: float, steps: int, dtype: DTypeLike = np.float32) -> None:
-        """Begin with the robots in place. period: of control [s]; steps: most that will be recorded; dtype: of it."""
+        """Start with the robots in place. period: of control [s]; steps: maximum number; dtype: of the arrays."""
         truth = walker.truth()
         num, feet = truth.contact.shape
 
@@ -101,7 +101,7 @@ class Recorder:
         )
         self._last_velocity = truth.joint_velocity.copy()
         self.upright = np.ones(num, dtype=bool)
-        """Robots that have not fallen yet, bool, shape (N,)."""
+        """True for robots that have not fallen yet, bool, shape (N,)."""
 
     def record(self) -> None:
         """Record the end of a control period."""
@@ -120,7 +120,7 @@ class Recorder:
         self._count += 1
 
     def record_fall(self) -> None:
-        """Record robots whose simulation gave up as fallen where they were last."""
+        """Record robots whose simulation failed as fallen at their last place."""
         if not self._count:
             self.record()
         else:
@@ -130,14 +130,18 @@ class Recorder:
         self.upright[:] = self._recording.upright[self._count - 1] = False
 
     def recording(self) -> Recording:
-        """Return what was recorded so far, shapes (T, N, ...)."""
+        """Return the recording so far, shapes (T, N, ...)."""
         return self._recording.of(slice(None), 0, self._count)
 
 
 def record(
-    walker: Observed[object], commands: Commands, period: float, steps: int, progress: Callable[[float], None] = unheard
+    walker: Observed[object],
+    commands: Commands,
+    period: float,
+    steps: int,
+    progress: Callable[[float], None] = ignore_progress,
 ) -> Recording:
-    """Drive a batch and record it, those that fall with the others; arguments as of `drive` and `Recorder`."""
+    """Drive a batch and record it, fallen robots included; arguments as of `drive` and `Recorder`."""
     recorder = Recorder(walker, period, steps)
     for _ in drive(walker, commands, steps, progress):
         recorder.record()
@@ -145,7 +149,9 @@ def record(
 
 
 def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
-    """Return noisy measurements of N robots, but of velocity and heights; drawn: in [-1, 1), (N, `drawn_width`)."""
+    """Return noisy measurements of N robots, without noise on velocity and heights; drawn: in [-1, 1), (N,
+    `drawn_width`).
+    """
     joints = true.joint_position.shape[-1]
     # A quaternion of a small turn: (1, half of the angles).
     tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
@@ -159,7 +165,7 @@ def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
 
 
 def drawn_width(joints: int) -> int:
-    """Return how many random numbers the noise of one robot's sensors takes."""
+    """Return the number of random numbers for the noise of one robot's sensors."""
     return 5 + 2 * joints
 
 
@@ -169,20 +175,20 @@ INITIAL_ANGLE = 0.1
 
 
 class Noisy:
-    """A `Port` that adds the training's noise to another one; each `read` draws anew."""
+    """`Port` that adds the training's noise to another one; each `read` draws new noise."""
 
     def __init__(self, port: Port, noise: NoiseCfg, generator: np.random.Generator) -> None:
-        """Disturb what `port` reads."""
+        """Add noise to the readings of `port`."""
         self._port, self._noise, self._generator = port, noise, generator
         self.joint_names, self.period = port.joint_names, port.period
 
     def read(self) -> Reading:
-        """Return what came last, with noise."""
+        """Return the last reading, with noise."""
         reading = self._port.read()
         drawn = self._generator.uniform(-1.0, 1.0, (1, drawn_width(len(self.joint_names))))
         noisy = disturbed(reading.sensors.each(lambda value: value[None]), self._noise, drawn)
         return replace(reading, sensors=noisy.each(lambda value: value[0]))
 
     def exchange(self, command: JointCommand) -> Reading:
-        """Send a command; what comes back has no noise: joint controllers use it, no policy."""
+        """Send a command; the reading has no noise: it is for joint controllers, not policies."""
         return self._port.exchange(command)

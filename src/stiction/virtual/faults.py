@@ -1,6 +1,6 @@
-"""Faults that are put into a run on a virtual robot, each at a time since its policy took over: `NAME@SECOND`.
+"""Faults injected into a run on a virtual robot, each at a time since its policy took over: `NAME@SECOND`.
 
-Those of the robot are asked of its process; the others happen to the supervisor's own machine, as they would.
+Faults of the robot are requested from its process; the others are real faults of the supervisor's machine.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ OF_WAY = {
     "clock-back": "the robot's clock is set back by 5 s",
     "clock-forward": "the robot's clock is set forward by 5 s",
 }
-"""Faults of the way to the robot, and of its clock: they break no rule by themselves."""
+"""Faults of the connection to the robot, and of its clock: they break no rule by themselves."""
 
 SIGNALS = {
     "policy-kill": signal.SIGKILL,
@@ -67,10 +67,10 @@ POLICY = {
 }
 
 WITH_POLICY = (*POLICY, "policy-kill", "policy-stop", "command-loss")
-"""Faults that happen to a policy or to its command, and to nobody where a motion is played."""
+"""Faults of a policy or its command, without an effect where a motion is played."""
 
-SAID_EVERY = 0.05
-"""Time between two words of somebody elsewhere [s]."""
+MESSAGE_INTERVAL = 0.05
+"""Time between two messages of the second machine [s]."""
 
 HALT_SECONDS = 0.2
 """Time for which the supervisor is halted [s]."""
@@ -83,23 +83,23 @@ os.kill(os.getppid(), signal.SIGSTOP)
 time.sleep({HALT_SECONDS})
 os.kill(os.getppid(), signal.SIGCONT)
 """
-"""Program of the process that halts its parent once, and prints when."""
+"""Program of the process that halts its parent once, and prints the time."""
 
 ASK = b"STCNfault "
-"""How the robot's process is asked for a fault of its own."""
+"""Request for a fault to the robot's process."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault and its time."""
+    """Fault and its time."""
 
     name: str
     second: float
-    """Since the policy took over [s]."""
+    """Time since the policy took over [s]."""
 
 
 def parse_fault(text: str) -> Fault:
-    """Return the fault that `NAME@SECOND` says; raise `ConfigurationError` for another text."""
+    """Return the fault of `NAME@SECOND`; raise `ConfigurationError` for another text."""
     name, at, second = text.partition("@")
     try:
         number = float(second) if at else 1.0
@@ -112,8 +112,8 @@ def parse_fault(text: str) -> Fault:
     return Fault(name, number)
 
 
-def operated(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) -> OperatorCfg:
-    """Return the operators of a run with those that its faults need; stop_file: where one may appear."""
+def with_operators(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) -> OperatorCfg:
+    """Return the operators of a run with those that its faults need; stop_file: path that may appear."""
     needed = {fault.name for fault in faults}
     if "stop-file" in needed and operator.stop_file is None:
         operator = replace(operator, stop_file=stop_file)
@@ -125,17 +125,17 @@ def operated(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) ->
 
 
 def _free_address() -> str:
-    """Return an address on loopback at which nobody listens."""
+    """Return a free address on loopback."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.bind((LOOPBACK, 0))
         return f"{LOOPBACK}:{port.getsockname()[1]}"
 
 
 class SecondMachine:
-    """Says that it is there, or what velocity is wanted, until it falls silent: what a run hears from elsewhere."""
+    """Second machine that sends heartbeats, or velocity commands, until it falls silent."""
 
     def __init__(self, address: str, words: bytes) -> None:
-        """Begin to send words to HOST:PORT."""
+        """Start to send messages to HOST:PORT."""
         host, _, port = address.rpartition(":")
         self._address, self._words = (host, int(port)), words
         self._silent = threading.Event()
@@ -145,43 +145,43 @@ class SecondMachine:
     def _speak(self) -> None:
         """Send until told to stop."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
-            while not self._silent.wait(SAID_EVERY):
+            while not self._silent.wait(MESSAGE_INTERVAL):
                 port.sendto(self._words, self._address)
 
     def fall_silent(self) -> None:
-        """Say nothing any more."""
+        """Stop sending."""
         self._silent.set()
         self._thread.join()
 
 
 class Faults(Injected):
-    """Injects faults into a run when they are due; a context, since some need an operator that speaks until then."""
+    """Injector of due faults; a context, since some need an operator that sends messages until then."""
 
     obeyed = True
 
     def __init__(
         self, faults: Sequence[Fault], robot: tuple[str, int], operator: OperatorCfg, joints: int, velocity: np.ndarray
     ) -> None:
-        """Take what is to happen to a virtual robot at an address of a port on this machine.
+        """Prepare the faults of a virtual robot at a port on this machine.
 
-        operator: see `operated`; velocity: commanded from elsewhere where a fault ends that, (3,) [m/s, rad/s].
+        operator: see `with_operators`; velocity: remote command that a fault ends, (3,) [m/s, rad/s].
         """
         self._waiting = sorted(faults, key=lambda fault: fault.second)
         self._robot, self._stop_file, self._joints = robot, operator.stop_file, joints
-        said = json.dumps(dict(zip(AXES, map(float, velocity), strict=True))).encode()
-        places = {"heartbeat": (operator.heartbeat, ALIVE), "command-loss": (operator.command_from, said)}
+        message = json.dumps(dict(zip(AXES, map(float, velocity), strict=True))).encode()
+        places = {"heartbeat": (operator.heartbeat, ALIVE), "command-loss": (operator.command_from, message)}
         needed = {fault.name for fault in faults}
         self._speak = {name: place for name, place in places.items() if name in needed}
         self._elsewhere: dict[str, SecondMachine] = {}
         self._of_policy, self._halts = 0, "supervisor-halt" in needed
         self._halting: subprocess.Popen[str] | None = None
         self.times: dict[str, float] = {}
-        """Fault -> when it was injected, on the monotonic clock [s]; of a halt: when the supervisor was halted."""
+        """Fault -> time of its injection, on the monotonic clock [s]; for a halt: begin of the halt."""
 
     def __enter__(self) -> Faults:
         """Start the operator that a fault will silence."""
         for name, (address, words) in self._speak.items():
-            assert address is not None, "see operated"
+            assert address is not None, "see with_operators"
             self._elsewhere[name] = SecondMachine(address, words)
         if self._halts:
             pipe = subprocess.PIPE
@@ -189,7 +189,7 @@ class Faults(Injected):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let everybody be silent."""
+        """Silence all senders."""
         for machine in self._elsewhere.values():
             machine.fall_silent()
         if self._halting is not None:
@@ -198,13 +198,13 @@ class Faults(Injected):
                 self.times["supervisor-halt"] = float(halted)
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
-        """Inject what is due; see `Injected.due`."""
+        """Inject due faults; see `Injected.due`."""
         while self._waiting and self._waiting[0].second <= elapsed:
             self._inject(self._waiting.pop(0).name, policy)
         return self._of_policy
 
     def _inject(self, name: str, policy: subprocess.Popen[bytes] | None) -> None:
-        """Let one fault happen."""
+        """Inject one fault."""
         self.times[name] = time.monotonic()
         if name in OF_ROBOT or name in OF_WAY:
             self._tell(ASK + name.encode())
@@ -226,30 +226,30 @@ class Faults(Injected):
             os.kill(target, SIGNALS[name])
 
     def _tell(self, data: bytes) -> None:
-        """Send the robot a datagram from a port of its own."""
+        """Send the robot a datagram from a separate port."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
             port.sendto(data, self._robot)
 
 
 class BrokenState:
-    """Turns what a robot says into what it says with a fault."""
+    """Function from a robot's state to the faulty state that it sends."""
 
     def __init__(self, name: str, state: RobotState) -> None:
-        """`state`: the last good one."""
+        """Start without states. `state`: the last good one."""
         self._change = OF_ROBOT[name][1]
         self._first, self._count = state, 0
 
     def __call__(self, state: RobotState) -> RobotState | None:
-        """Return what is said in place of a state; None: nothing."""
+        """Return the faulty state; None: none is sent."""
         self._count += 1
         return self._change(state, self._first, self._count)
 
 
 def _with(state: RobotState, **changed: Any) -> RobotState:
-    """Return a state with some vectors changed, of the sensors or of the state."""
+    """Return a state with some vectors of the sensors or of the state changed."""
     sensors = {name: changed.pop(name) for name in list(changed) if hasattr(state.sensors, name)}
-    own = vars(state) | changed | {"sensors": type(state.sensors)(**(state.sensors.arrays() | sensors))}
-    return RobotState(**own)
+    entries = vars(state) | changed | {"sensors": type(state.sensors)(**(state.sensors.arrays() | sensors))}
+    return RobotState(**entries)
 
 
 def _one(values: np.ndarray, value: float, place: int = 0) -> np.ndarray:
@@ -270,7 +270,7 @@ def exchanged(state: RobotState, joint: int = 1) -> RobotState:
 
 
 def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
-    """Return a state that leans by an angle about the base's x axis, and turns at a rate beside what it did."""
+    """Return a state that leans by an angle about the base's x axis, and turns at an additional rate."""
     turning = np.add(
         state.sensors.angular_velocity, (rate, 0.0, 0.0)
     )  # With its noise: a gyroscope without is a dead one.
@@ -278,7 +278,7 @@ def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
 
 
 Change = Callable[[RobotState, RobotState, int], "RobotState | None"]
-"""State, the last good state, number of states since then -> what is said."""
+"""State, the last good state, number of states since then -> faulty state."""
 
 OF_ROBOT: dict[str, tuple[str, Change]] = {
     "stale": ("the robot says nothing any more", lambda s, f, n: None),
@@ -345,7 +345,7 @@ OF_ROBOT: dict[str, tuple[str, Change]] = {
         lambda s, f, n: _with(s, joint_torque=_one(s.joint_torque, np.nan)),
     ),
 }
-"""Faults of the robot and of its sensors: what it is, and what the robot says then."""
+"""Faults of the robot and of its sensors: description, and the faulty state."""
 
 FAULTS = {name: text for name, (text, _) in OF_ROBOT.items()} | OF_WAY | POLICY | OF_MACHINE
-"""Every fault that can be injected, and what it is."""
+"""Description of every fault."""

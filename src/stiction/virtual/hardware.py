@@ -33,7 +33,7 @@ import numpy as np
 from stiction.core.rotation import tilted
 
 LOWEST_VOLTAGE = 0.5
-"""Lowest battery voltage over its nominal one [1]; the sag ends there."""
+"""Minimum battery voltage over its nominal one [1]; the sag ends there."""
 
 SMOOTHING = 0.01
 """Time constant of the capacitors between battery and motors [s]."""
@@ -54,32 +54,32 @@ class Motors:
     """Delivered over commanded torque, k: the true torque constant over the data sheet's, with which motors report [1].
     """
     no_load_speed: np.ndarray
-    """Speed at which no torque is left, at the battery's nominal voltage [rad/s]."""
+    """Speed without remaining torque, at the battery's nominal voltage [rad/s]."""
     knee: float
     """Share of that speed up to which all of the torque is available [1]."""
     charge: float
-    """Voltage of the battery without load over its nominal one, constant over a run [1]."""
+    """Open-circuit voltage of the battery over its nominal one, constant over a run [1]."""
     resistance: float
-    """Drop of that ratio per watt drawn [1/W]."""
+    """Drop of that ratio per watt [1/W]."""
 
     @classmethod
     def perfect(cls, num_joints: int) -> Motors:
-        """Return motors as in training: limited in torque alone."""
-        one = np.ones(num_joints)
-        return cls(one, one, one, np.full(num_joints, np.inf), 0.5, 1.0, 0.0)
+        """Return motors as in training, with only a torque limit."""
+        ones = np.ones(num_joints)
+        return cls(ones, ones, ones, np.full(num_joints, np.inf), 0.5, 1.0, 0.0)
 
 
 def commanded_torque(
     kp: np.ndarray, kd: np.ndarray, target: np.ndarray, forward: np.ndarray, angle: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
-    """Return τ = τ_ff + kp (a − θ) − kd θ' [N m], of measured angle and velocity; shape (J,)."""
+    """Return τ = τ_ff + kp (a − θ) − kd θ' [N m], from measured angle and velocity; shape (J,)."""
     return forward + kp * (target - angle) - kd * velocity
 
 
 def within_limits(
     torque: np.ndarray, speed: np.ndarray, limit: np.ndarray, no_load_speed: np.ndarray, knee: float
 ) -> np.ndarray:
-    """Return the torque that a motor reaches at a speed φ' [rad/s] of a commanded one [N m], shape (J,).
+    """Return the reachable part of a commanded torque at a speed φ' [rad/s] [N m], shape (J,).
 
     Driving, the limit falls linearly to zero from `knee` of the no-load speed on; braking, it stays.
     """
@@ -90,7 +90,7 @@ def within_limits(
 
 
 def drawn_power(torque: np.ndarray, speed: np.ndarray, limit: np.ndarray) -> float:
-    """Return the power drawn from the battery [W]: work and heat of all motors, at least zero."""
+    """Return the power from the battery [W]: work and heat of all motors, at least zero."""
     heat = LOSS_AT_LIMIT * np.square(torque / limit)
     return max(0.0, float((torque * speed + heat).sum()))
 
@@ -99,49 +99,49 @@ class Drive:
     """The motors of one robot on one battery."""
 
     def __init__(self, motors: Motors, limit: np.ndarray, timestep: float) -> None:
-        """limit: torque limits by the data sheet [N m], shape (J,); timestep: of the physics [s]."""
+        """Make the motors; limit: torque limits of the data sheet [N m], shape (J,); timestep: of the physics [s]."""
         self._motors, self._limit, self._timestep = motors, limit, timestep
         self.reset()
 
     def reset(self) -> None:
-        """Begin with an unloaded battery."""
+        """Reset to an unloaded battery."""
         self.voltage = self._motors.charge
-        """Of the battery, over its nominal one [1]."""
+        """Voltage of the battery, over its nominal one [1]."""
 
     def torque(self, commanded: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return delivered and reported torques of one step [N m], (J,), at rotor speeds φ' [rad/s].
 
-        The battery sags.
+        The voltage of the battery drops.
         """
         motors = self._motors
         reported = within_limits(commanded, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
-        given = motors.strength * reported
-        sagged = motors.charge - motors.resistance * drawn_power(given, speed, self._limit)
+        delivered = motors.strength * reported
+        sagged = motors.charge - motors.resistance * drawn_power(delivered, speed, self._limit)
         # No more than the whole way, for steps longer than the time constant.
         self.voltage += min(1.0, self._timestep / SMOOTHING) * (max(sagged, LOWEST_VOLTAGE) - self.voltage)
-        return given, reported
+        return delivered, reported
 
 
 class Gears:
-    """The rotors of J joints. Arrays have shape (J,)."""
+    """Rotors of J joints. Arrays have shape (J,)."""
 
     def __init__(self, gap: np.ndarray, inertia: np.ndarray, timestep: float) -> None:
-        """Make the rotors: `gap`: whole width at the joint [rad], 0 where it is rigid; inertia: I [kg m²]."""
+        """Make the rotors: `gap`: full width at the joint [rad], 0 for a rigid one; inertia: I [kg m²]."""
         self._half, self._inertia, self._timestep = 0.5 * gap, inertia, timestep
         self._rigid = not gap.any()
         self.reset(np.zeros_like(gap))
 
     def reset(self, position: np.ndarray) -> None:
-        """Begin at rest at joint angles [rad], the teeth in the middle of their gaps."""
+        """Reset to rest at joint angles [rad], the teeth in the middle of their gaps."""
         self.angle, self.velocity = position.copy(), np.zeros_like(position)
-        """Of the rotors, φ [rad] and φ' [rad/s]."""
+        """Angle and velocity of the rotors, φ [rad] and φ' [rad/s]."""
         self.side = np.where(self._half > 0, 0, 1)
-        """Which teeth touch: -1 or 1; 0 in the gap."""
+        """Side of the touching teeth: -1 or 1; 0 in the gap."""
         self._link_velocity, self._link_acceleration = np.zeros_like(position), np.zeros_like(position)
 
     @property
     def engaged(self) -> np.ndarray:
-        """Whether motor and link turn together, bool."""
+        """True where motor and link turn together, bool."""
         return self.side != 0
 
     def transmit(self, torque: np.ndarray) -> np.ndarray:
@@ -158,7 +158,7 @@ class Gears:
         return np.where(self.engaged, torque + impact, self._inertia * coasting)
 
     def follow(self, torque: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Move the rotors through the step that the engine has taken under the motors' torques [N m]."""
+        """Move the rotors through the engine's last step, under the motors' torques [N m]."""
         if self._rigid:
             self.angle, self.velocity = position.copy(), velocity.copy()
             return
@@ -193,9 +193,9 @@ class SensorErrors:
     encoder_step: float
     """Step of the measured rotor angle, at the joint [rad]; 0 for none."""
     encoder_offset: np.ndarray
-    """Measured less true rotor angle [rad], shape (J,): the zero was set by hand."""
+    """Measured minus true rotor angle [rad], shape (J,): the zero was set by hand."""
     velocity_filter: float
-    """Time constant with which the motor controller smooths differences of the angle [s]; 0: it knows φ' exactly."""
+    """Time constant with which the motor controller smooths differences of the angle [s]; 0: it measures φ' exactly."""
     torque_noise: float
     """White noise of the reported torque over the motor's limit [1]."""
     torque_zero: np.ndarray
@@ -205,9 +205,9 @@ class SensorErrors:
     gyroscope_bias: np.ndarray
     """Constant error, base frame [rad/s], shape (3,)."""
     tilt_bias: np.ndarray
-    """Constant error of the estimated roll and pitch [rad], shape (2,): how the IMU was mounted."""
+    """Constant error of the estimated roll and pitch [rad], shape (2,): mounting of the IMU."""
     tilt_wander: float
-    """Standard deviation of what the orientation filter adds, correlated over `WANDERING` [rad]."""
+    """Standard deviation of the orientation filter's error, correlated over `WANDERING` [rad]."""
 
     @classmethod
     def perfect(cls, num_joints: int) -> SensorErrors:
@@ -220,13 +220,13 @@ class Encoders:
     """Rotor angles and velocities as the motor controllers measure them, at every physics step. Shapes (J,)."""
 
     def __init__(self, errors: SensorErrors, timestep: float) -> None:
-        """timestep: of the physics, at which the controllers run [s]."""
+        """Prepare the encoders; timestep: of the physics, at which the controllers run [s]."""
         self._errors, self._timestep = errors, timestep
 
     def reset(self, angle: np.ndarray) -> None:
-        """Begin with rotors at rest at an angle [rad]."""
+        """Reset to rotors at rest at an angle [rad]."""
         self.angle, self.velocity = self._measured(angle), np.zeros_like(angle)
-        """Measured, [rad] and [rad/s]."""
+        """Measured angle and velocity, [rad] and [rad/s]."""
 
     def follow(self, angle: np.ndarray, velocity: np.ndarray) -> None:
         """Measure the rotors after a step: true angles φ [rad], velocities φ' [rad/s]."""
@@ -249,17 +249,17 @@ class Imu:
     """Gyroscope and orientation filter."""
 
     def __init__(self, errors: SensorErrors, period: float, generator: np.random.Generator) -> None:
-        """period: between two readings [s]; generator: of the noise."""
+        """Prepare the IMU; period: between two readings [s]; generator: of the noise."""
         self._errors, self._generator = errors, generator
         self._decay = float(np.exp(-period / WANDERING))
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the stationary distribution of the filter's error."""
+        """Reset to the stationary distribution of the filter's error."""
         self._wander = self._errors.tilt_wander * self._generator.standard_normal(2)
 
     def read(self, quaternion: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return orientation and angular velocity as measured, from the true ones; shapes (4,) and (3,) [rad/s]."""
+        """Return measured orientation and angular velocity, from the true ones; shapes (4,) and (3,) [rad/s]."""
         errors, draw = self._errors, self._generator.standard_normal
         # So that its variance stays that of the start, whatever the period.
         fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)

@@ -1,4 +1,4 @@
-"""The hidden truth of a virtual robot, group by group: no code that trains, identifies or drives may read it.
+"""Hidden truth of a virtual robot, group by group: no code that trains, identifies or drives may read it.
 
 Such code knows its data sheet (`Robot`), the logs of its bench, and its sensors through a `Port`.
 """
@@ -19,7 +19,7 @@ from stiction.virtual.hardware import Motors, SensorErrors
 
 @dataclass(frozen=True)
 class FrictionShape:
-    """How the joints of a robot differ in their friction, at any level. Arrays have shape (J,)."""
+    """Differences of friction between the joints of a robot, at any level. Arrays have shape (J,)."""
 
     share: np.ndarray
     """Friction of the joint over the level's [1]; the mean over the joints is one."""
@@ -32,9 +32,9 @@ class FrictionShape:
 
     @classmethod
     def perfect(cls, num_joints: int) -> FrictionShape:
-        """Return Coulomb's law, the same share in every joint."""
-        one = np.ones(num_joints)
-        return cls(one, one, one, one)
+        """Return Coulomb's law, with the same share in every joint."""
+        ones = np.ones(num_joints)
+        return cls(ones, ones, ones, ones)
 
     def at(self, coulomb: np.ndarray, load: float, timestep: float) -> JointFriction:
         """Return the friction at a level: coulomb [N m], (J,), load coefficient [-]; timestep: of the physics [s]."""
@@ -46,14 +46,14 @@ class FrictionShape:
 
 @dataclass(frozen=True)
 class Masses:
-    """How the links differ from the drawing. The same link weighs the same in every leg."""
+    """Deviations of the links from the drawing. The same link has the same mass in every leg."""
 
     base: float = 1.0
     """Mass of the trunk over the drawing's [1]; inertia follows."""
     links: Mapping[str, float] = field(default_factory=dict)
-    """Of the links behind each kind of joint [1]; 1 where none is given."""
+    """Mass of the links behind each kind of joint [1]; 1 by default."""
     base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the trunk's centre of mass is, away from the drawing's [m]."""
+    """Shift of the trunk's centre of mass from the drawing's [m]."""
 
 
 @dataclass(frozen=True)
@@ -61,21 +61,21 @@ class Delays:
     """Delays of signals; the loop of the joint controllers, at the motors, has neither."""
 
     command: float = 0.0
-    """From the computer to the motor controllers [s]."""
+    """Delay from the computer to the motor controllers [s]."""
     sensors: float = 0.0
-    """From encoders and IMU to the computer [s]."""
+    """Delay from encoders and IMU to the computer [s]."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """One robot. Each field is a group that an experiment can have real or perfect."""
+    """Imperfections of one robot. Each field is a group that an experiment can have real or perfect."""
 
     friction: FrictionShape
-    """How dry friction differs from joint to joint; the level scales it."""
+    """Differences of dry friction between joints; the level scales it."""
     motors: Motors
     delays: Delays
     gears: np.ndarray
-    """Backlash of each joint: the whole width of its gap [rad], shape (J,)."""
+    """Backlash of each joint: the full width of its gap [rad], shape (J,)."""
     sensors: SensorErrors
     masses: Masses
 
@@ -92,14 +92,14 @@ class Hidden:
         )
 
     def only(self, groups: Collection[str]) -> Hidden:
-        """Return the robot with these groups as they are and all others perfect; raise `StictionError` for others."""
+        """Return the robot with these groups real and all others perfect; raise `StictionError` for unknown groups."""
         if wrong := sorted(set(groups) - set(GROUPS)):
             raise ConfigurationError(f"virtual robot: {unknown_name('group', wrong[0], GROUPS)}")
         perfect = Hidden.perfect(len(self.gears))
         return replace(perfect, **{name: getattr(self, name) for name in groups})
 
     def body(self, spec: Robot, fixed: bool = False) -> Body:
-        """Return the robot as an engine builds it; `spec`: the data sheet, `fixed`: bolted to a bench."""
+        """Return the robot to build in an engine; `spec`: the data sheet, `fixed`: bolted to a bench."""
         pairs = zip(spec.joints, spec.links, strict=True)
         links = tuple(link.scaled(self.masses.links.get(joint.kind, 1.0)) for joint, link in pairs)
         return Body(
@@ -114,32 +114,32 @@ class Hidden:
 GROUPS = ("friction", "motors", "delays", "gears", "sensors", "masses")
 
 FRICTION = {"share": (0.5, 1.5), "static_ratio": (1.1, 1.6), "stribeck_velocity": (0.05, 0.3), "load_share": (0.7, 1.3)}
-"""Legs of one robot differ in friction by a factor of two to three; seals and greased gears hold a tenth to a half more
-at rest than in motion."""
+"""Ranges of friction: legs of one robot differ by a factor of two to three; seals and greased gears hold a tenth to a
+half more at rest than in motion."""
 
 MOTORS = {"armature": (0.9, 1.1), "damping": (0.7, 1.4), "strength": (0.93, 1.07), "no_load_speed": (20.0, 28.0)}
-"""Torque constants are given to some per cent; viscous friction follows the grease's temperature; speeds of leg motors
-with 25 to 45 N m [rad/s]."""
+"""Ranges of motors: torque constants are known to a few per cent; viscous friction follows the grease's temperature;
+speeds of leg motors with 25 to 45 N m [rad/s]."""
 
 KNEE = (0.5, 0.7)
 CHARGE = (0.85, 1.0)
 RESISTANCE = (2e-5, 8e-5)
-"""Lithium cells fall by 15 % from full to nearly empty; 0.05 to 0.2 Ω at 50 V are 2e-5 to 8e-5 of the voltage per
-watt."""
+"""Ranges of the battery: lithium cells fall by 15 % from full to nearly empty; 0.05 to 0.2 Ω at 50 V are 2e-5 to 8e-5
+of the voltage per watt."""
 
 COMMAND_DELAY = (0.002, 0.008)
 SENSOR_DELAY = (0.001, 0.006)
-"""One to several cycles of a bus at 500 to 1000 Hz, and the computer's own work [s]. Training draws the sum from 0 to
-0.02 s."""
+"""Range of delays: one to several cycles of a bus at 500 to 1000 Hz, and the computer's processing [s]. Training draws
+the sum from 0 to 0.02 s."""
 
 GAP = (0.002, 0.009)
 """Backlash of planetary gears, 7 to 30 minutes of arc [rad]."""
 
 ENCODER_STEP = 2 * np.pi / 2**14 / 6.0
-"""14 bits on the rotor behind a gear of 6 [rad]."""
+"""Step of an encoder of 14 bits on the rotor behind a gear of 6 [rad]."""
 
 VELOCITY_FILTER = 0.002
-"""Of a motor controller at 1 kHz and more [s]."""
+"""Range of the filter of a motor controller at 1 kHz and more [s]."""
 
 ENCODER_OFFSET = 0.01
 TORQUE_NOISE = 0.005
@@ -151,14 +151,14 @@ TILT_WANDER = 0.003
 """Half-widths of the constant errors, deviations of the others, in the units of `SensorErrors`."""
 
 BASE_MASS, LINK_MASS = (0.95, 1.15), (0.9, 1.15)
-"""A robot is mostly heavier than its drawing, which lacks cables and screws."""
+"""Ranges of masses: a robot is mostly heavier than its drawing, which lacks cables and screws."""
 
 BASE_COM = (0.03, 0.01, 0.02)
 """Half-widths along x, y, z [m]."""
 
 
 def draw(spec: Robot, seed: int) -> Hidden:
-    """Return the robot of a seed; every group has its own random stream, so that a change in one shifts no other."""
+    """Return the robot of a seed; every group has a separate random stream, so that a change in one shifts no other."""
     streams = seed_streams(seed, [f"virtual robot, {group}" for group in GROUPS])
     by = {group: streams[f"virtual robot, {group}"] for group in GROUPS}
     joints = spec.num_joints
@@ -181,7 +181,7 @@ def _friction(generator: np.random.Generator, joints: int) -> FrictionShape:
 
 
 def _motors(generator: np.random.Generator, joints: int) -> Motors:
-    """Draw every motor by itself, and one battery."""
+    """Draw every motor independently, and one battery."""
     drawn = {name: generator.uniform(*span, joints) for name, span in MOTORS.items()}
     knee, charge, resistance = (float(generator.uniform(*span)) for span in (KNEE, CHARGE, RESISTANCE))
     return Motors(**drawn, knee=knee, charge=charge, resistance=resistance)
@@ -207,7 +207,7 @@ def _sensors(generator: np.random.Generator, joints: int) -> SensorErrors:
 
 
 def _masses(generator: np.random.Generator, kinds: Sequence[str]) -> Masses:
-    """Draw a factor for the trunk and for every kind of link, and where the trunk's centre of mass is."""
+    """Draw a factor for the trunk and for every kind of link, and the shift of the trunk's centre of mass."""
     base = float(generator.uniform(*BASE_MASS))
     links = {kind: float(generator.uniform(*LINK_MASS)) for kind in kinds}
     x, y, z = (float(half * generator.uniform(-1.0, 1.0)) for half in BASE_COM)

@@ -1,14 +1,12 @@
-"""The virtual robot: a body in a physics engine, with motors, gears, friction and sensors of its own.
+"""Virtual robot: a body in a physics engine, with its motors, gears, friction and sensors.
 
-What happens in one physics step, in this order:
+A physics step, in this order:
 
-1. the command that arrives now (sent `delays.command` ago) becomes valid;
-2. each motor controller computes its torque from its own encoder, without a delay, and adds what it was programmed to
-   feed forward against friction;
-3. the motor limits it by torque, speed and voltage, and scales it by its true torque constant;
-4. the gears transmit it, or cross their gap;
-5. the engine moves the body, under that torque and the bounds of dry friction;
-6. rotors and encoders follow, and what was measured is sent; the computer has it `delays.sensors` later.
+1. the command that arrives now (sent `delays.command` ago) becomes valid; 2. each motor controller computes its torque
+from its encoder, without a delay, and adds its feed-forward against friction; 3. the motor limits it by torque, speed
+and voltage, and scales it by its true torque constant; 4. the gears transmit it, or cross their gap; 5. the engine
+moves the body, under that torque and the bounds of dry friction; 6. rotors and encoders follow, and the readings are
+sent; the computer has them `delays.sensors` later.
 
 Until the first command arrives the motors are limp.
 """
@@ -39,24 +37,24 @@ Signal = TypeVar("Signal")
 
 
 class DelayLine(Generic[Signal]):
-    """A line of `steps` places: what goes in comes out that many pushes later, at once where there are none."""
+    """Delay line of `steps` places: a signal comes out that many pushes later, at once without any."""
 
     def __init__(self, steps: int) -> None:
         """Make an empty line; it must be filled before use."""
         self._line: deque[Signal] = deque(maxlen=steps + 1)
 
     def fill(self, signal: Signal) -> None:
-        """Begin as if `signal` had been pushed forever."""
+        """Fill the line as if `signal` had been pushed forever."""
         self._line.extend([signal] * (self._line.maxlen or 1))
 
     def push(self, signal: Signal) -> Signal:
-        """Take in what is sent now and return what arrives now."""
+        """Add the signal sent now and return the one that arrives now."""
         self._line.append(signal)
         return self._line[0]
 
     @property
     def arrived(self) -> Signal:
-        """What arrived last."""
+        """Last signal that arrived."""
         return self._line[0]
 
 
@@ -71,10 +69,10 @@ SEALS_OUT = 0.3
 
 @dataclass(frozen=True)
 class Wear:
-    """A factor on some joints' dry friction that grows by equal ratios: 0.3 to 0.6 takes as long as 1 to 2."""
+    """Factor on some joints' dry friction that grows by equal ratios: 0.3 to 0.6 takes as long as 1 to 2."""
 
     joints: tuple[str, ...] = ()
-    """Names of joints (`FL_shank`) or kinds (`shank`); none: all. The others keep the factor 1."""
+    """Names of joints (`FL_shank`) or kinds (`shank`); empty: all. The others have the factor 1."""
     start: float = SEALS_OUT
     """Factor at the beginning [1]."""
     end: float = 3.0
@@ -83,7 +81,7 @@ class Wear:
     """Time from `start` to `end` [s]."""
 
     def __post_init__(self) -> None:
-        """Refuse factors that are none."""
+        """Validate the factors."""
         numbers = (self.start, self.end, self.seconds)
         if not all(0 < number < math.inf for number in numbers):
             raise ConfigurationError(
@@ -96,7 +94,7 @@ class Wear:
         return self.start * (self.end / self.start) ** reached
 
     def worn(self, joint_names: tuple[str, ...]) -> np.ndarray:
-        """Return which joints wear, bool, shape (J,); raise `StictionError` for a name that the robot does not have."""
+        """Return the mask of worn joints, bool, shape (J,); raise `StictionError` for an unknown name."""
         of_kind = {name: kind_of(name) for name in joint_names}
         known = {*of_kind, *of_kind.values()}
         if wrong := sorted(set(self.joints) - known):
@@ -105,18 +103,18 @@ class Wear:
 
 
 PERIOD = 0.002
-"""Time between two readings [s]: the state of a legged robot's joints comes at 500 Hz."""
+"""Time between two readings [s]: legged robots send the state of their joints at 500 Hz."""
 
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """The truth about the last physics step: for metrics, and for no policy."""
+    """Ground truth of the last physics step: for metrics, and for no policy."""
 
     time: float
-    """Since the robot was put in place [s]."""
+    """Time since the robot was placed [s]."""
     motion: Motion
     torque: np.ndarray
-    """That the motors gave [N m], shape (J,)."""
+    """Torque of the motors [N m], shape (J,)."""
     friction: np.ndarray
     """Bounds of dry friction [N m], shape (J,)."""
 
@@ -137,7 +135,7 @@ class RobotHandle:
         self.joint_names, self.period, self._read, self._exchange = joint_names, period, read, exchange
 
     def read(self) -> Reading:
-        """Return what came last; see `Port.read`."""
+        """Return the last reading; see `Port.read`."""
         return self._read()
 
     def exchange(self, command: JointCommand) -> Reading:
@@ -146,7 +144,7 @@ class RobotHandle:
 
 
 class VirtualRobot:
-    """A robot that an experiment places, wears out and observes; what drives it gets its `handle` alone."""
+    """Robot that an experiment places, wears out and observes; its driver gets only its `handle`."""
 
     def __init__(
         self,
@@ -162,9 +160,9 @@ class VirtualRobot:
         """Build the robot around an engine, made with `hidden.body(...)`.
 
         generator: of the noise of its sensors; period: between two readings [s], whole physics steps; torque_source:
-        torque is measured at the motor, or behind the gear, with friction in it and the rotor's inertia put back;
-        loads: the ground truth says what joints transmit. Raises `StictionError` for other periods, joints that do not
-        exist, and engines that do not say what friction did.
+        torque is measured at the motor, or behind the gear, with friction in it and the rotor's inertia added back;
+        loads: the ground truth includes the loads of joints. Raises `StictionError` for other periods, unknown joints,
+        and engines without a report of friction torque.
         """
         self._steps = whole_steps(period, engine.timestep)
         if self._steps < 1 or abs(self._steps * engine.timestep - period) > 1e-9:
@@ -197,11 +195,13 @@ class VirtualRobot:
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
     def program(self, compensation: FrictionController | None) -> None:
-        """Let the motor controllers feed friction forward from their own encoders, at the physics step; None: not."""
+        """Set the motor controllers' feed-forward of friction, from their encoders at the physics step; None: no
+        feed-forward.
+        """
         self._compensation = compensation
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest and limp; see `Engine.reset`."""
+        """Place the robot, at rest and limp; see `Engine.reset`."""
         self._engine.reset(joint_position, position, quaternion)
         self._motion, self._tick = self._engine.motion(self._loads), 0
         for part in (self._drive, self._friction, self._imu):
@@ -218,16 +218,16 @@ class VirtualRobot:
         self._reading = self._receive()
 
     def ground_truth(self) -> GroundTruth:
-        """Return the truth about the last physics step."""
+        """Return the ground truth of the last physics step."""
         return GroundTruth(self._time, self._motion, self._given, self._bound)
 
     @property
     def _time(self) -> float:
-        """Since the robot was put in place [s]."""
+        """Time since the robot was placed [s]."""
         return self._tick * self._engine.timestep
 
     def _exchange(self, command: JointCommand) -> Reading:
-        """Let one period pass under a command, which is copied: its sender may write over its arrays."""
+        """Advance one period under a command, which is copied: its sender may write over its arrays."""
         sent = JointCommand(*(np.array(getattr(command, part.name), float) for part in fields(JointCommand)))
         for _ in range(self._steps):
             self._advance(sent)
@@ -259,9 +259,10 @@ class VirtualRobot:
         self._samples.push(self._measure(reported))
 
     def _measure(self, reported: np.ndarray) -> Reading:
-        """Return what is sent to the computer now, before noise; reported: torque of the last step [N m], shape (J,).
+        """Return the readings sent to the computer now, before noise; reported: torque of the last step [N m], shape
+        (J,).
 
-        The torque is a mean over the period, as current sensors give it: it jumps with every target.
+        The torque is a mean over the period, as from current sensors: it jumps with every target.
         """
         # The line holds one period: the oldest step drops out by itself.
         self._reported.append(reported)
@@ -271,7 +272,7 @@ class VirtualRobot:
         return Reading(self._time, sensors, torque, motion.foot_contact)
 
     def _receive(self) -> Reading:
-        """Return what the computer has now, with the noise of the sensors."""
+        """Return the readings that the computer has now, with the noise of the sensors."""
         sent, errors = self._samples.arrived, self._hidden.sensors
         true = sent.sensors
         quaternion, rate = self._imu.read(true.quaternion, true.angular_velocity)

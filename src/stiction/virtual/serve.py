@@ -1,7 +1,7 @@
-"""The virtual robot as a process of its own, in real time behind UDP on loopback, and the link to it.
+"""Virtual robot as a separate process, in real time behind UDP on loopback, and the link to it.
 
-It sends a state every 2 ms to whoever asked last, and acts on every command that comes. Where it cannot keep up it runs
-slower than real time, and says so at its end. `python -m stiction.virtual.serve BUNDLE SETTINGS` prints a line of JSON.
+It sends a state every 2 ms to its last sender, and acts on every command. Where it cannot keep up it runs slower than
+real time, and reports that at its end. `python -m stiction.virtual.serve BUNDLE SETTINGS` prints a line of JSON.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ from stiction.virtual.robot import PERIOD, VirtualRobot
 from stiction.virtual.trial import World
 
 ROOM_TEMPERATURE = 30.0
-"""Of motors that were not modelled [°C]."""
+"""Temperature of motors without a thermal model [°C]."""
 
 NOISE = "deployed, sensors"
 
 LOST = "deployed, lost commands"
 
 OFTEN = 10
-"""Of so many states the network loses, doubles or delays one, by the faults of those names."""
+"""Period of the faults of the network: one of so many states is lost, doubled or delayed."""
 
 CLOCK_STEPS = {"clock-back": -5.0, "clock-forward": 5.0}
-"""Fault -> by how much the robot's clock is set [s]."""
+"""Fault -> step of the robot's clock [s]."""
 
 LOSS = 0.3
-"""Share of the commands that are lost on the way, by the fault of that name."""
+"""Share of the commands that are lost, by the fault of that name."""
 
 BATTERY = 48.0
 """Nominal voltage [V]."""
@@ -64,35 +64,35 @@ BATTERY = 48.0
 
 @dataclass(frozen=True)
 class VirtualCfg:
-    """Which virtual robot is played, and where it stands."""
+    """Choice and place of the virtual robot."""
 
     seed: int = 1000
-    """Of the robot: its friction, motors, delays, gears, sensors and masses."""
+    """Seed of the robot: its friction, motors, delays, gears, sensors and masses."""
     engine: str = "mujoco"
-    """Physics engine that it lives in."""
+    """Physics engine of the robot."""
     level: str = "0.1"
-    """Dry friction of its joints, as `--robot-levels` of evaluate."""
+    """Dry friction of its joints, as for `--robot-levels` of evaluate."""
     cell: str = "all"
-    """What of it is real: all, nominal, or groups such as friction+delays."""
+    """Imperfections of the robot: all, none (nominal), or groups such as friction+delays."""
     stand: bool = False
-    """Whether it is bolted to a stand, its legs in the air."""
+    """True if it is bolted to a stand, its legs in the air."""
 
     def __post_init__(self) -> None:
-        """Refuse a robot that there is not; raise `StictionError` before anything of it is built."""
+        """Validate the settings; raise `StictionError` before anything is built."""
         find_engine(self.engine)
         _ = self.case, stream_seed(self.seed, NOISE)
 
     @property
     def case(self) -> Case:
-        """The robot among those of the experiments."""
+        """Case of the experiments for this robot."""
         return Case(self.seed, self.cell, parse_level(self.level))
 
 
 class RobotProcess:
-    """A virtual robot at the end of a UDP port."""
+    """Virtual robot behind a UDP port."""
 
     def __init__(self, spec: Robot, cfg: VirtualCfg, port: socket.socket) -> None:
-        """Build the robot; raise `StictionError` where its engine or its friction cannot be."""
+        """Build the robot; raise `StictionError` for an unavailable engine or an invalid friction."""
         streams = seed_streams(cfg.seed, [NOISE, LOST])
         noise, self._chance = streams[NOISE], streams[LOST]
         self._world = World(partial(make_engine, cfg.engine))
@@ -112,12 +112,12 @@ class RobotProcess:
         self._second: socket.socket | None = None
         self._last: RobotState | None = None
         self.slow = 0
-        """Periods that it was late by."""
+        """Number of late periods."""
         self._good = np.nan
         self._start = (np.nan, np.zeros(3))
 
     def period(self) -> None:
-        """Take what has come, let a period pass, and say what is measured then."""
+        """Process the received messages, advance a period, and send the readings."""
         # All that has come, and the last command counts; bounded, so that a flood of datagrams cannot stop the physics.
         for _ in range(64):
             try:
@@ -159,13 +159,13 @@ class RobotProcess:
         elif (message := self._commands.unpack(data)) is not None and np.isfinite(message.values).all():
             command = command_of(self._commands, message)
             if not command.kp.any() and self._command.kp.any():
-                self._say_damped()
+                self._report_damped()
             if command.kp.any() and not self._command.kp.any():
                 self._start = (time.monotonic(), self._robot.ground_truth().motion.base_position)
             self._command, self._taken = command, float(message.number)
 
     def _begin_fault(self, name: str) -> None:
-        """Begin a fault of the robot, or of the way to it."""
+        """Begin a fault of the robot, or of the connection to it."""
         if name in CLOCK_STEPS:
             self._clock += CLOCK_STEPS[name]
         elif name == "lost-commands":
@@ -177,16 +177,16 @@ class RobotProcess:
             if name == "second-robot":
                 self._second = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
-    def _say_damped(self) -> None:
-        """Print when the first damping frame came, and what the robot had done by then."""
+    def _report_damped(self) -> None:
+        """Print the time of the first damping frame, and the robot's motion until then."""
         now, motion = time.monotonic(), self._robot.ground_truth().motion
         moved = motion.base_position - self._start[1]
-        said = {"damped": now, "last_good": self._good, "slow": self.slow, "moved": moved[:2].tolist()}
-        said |= {"seconds": now - self._start[0], "upright": not self._world.fallen(motion, self._spec)}
-        print(json.dumps(said), flush=True)
+        report = {"damped": now, "last_good": self._good, "slow": self.slow, "moved": moved[:2].tolist()}
+        report |= {"seconds": now - self._start[0], "upright": not self._world.fallen(motion, self._spec)}
+        print(json.dumps(report), flush=True)
 
     def _state(self, reading: Reading) -> RobotState:
-        """Return what the robot says of itself."""
+        """Return the state message of the robot."""
         truth = self._robot.ground_truth()
         motion = truth.motion
         # The accelerometer measures the mean over a period, as its filter does.
@@ -215,7 +215,7 @@ class RobotProcess:
 
 
 def main(path: str, settings: str) -> int:
-    """Serve until the parent is gone; return the exit status."""
+    """Serve until the parent ends; return the exit status."""
     # First: a robot without its parent would go on for ever.
     follow_parent()
     limit_library_threads()
@@ -230,15 +230,15 @@ def main(path: str, settings: str) -> int:
         print(json.dumps({"error": str(error)}), flush=True)
         return 1
     # Only now, for whoever reads this line sends at once.
-    said = {"port": port.getsockname()[1], "joints": spec.joint_names, "feet": spec.foot_names, "period": PERIOD}
-    print(json.dumps(said), flush=True)
+    greeting = {"port": port.getsockname()[1], "joints": spec.joint_names, "feet": spec.foot_names, "period": PERIOD}
+    print(json.dumps(greeting), flush=True)
     ticker = Ticker(PERIOD)
     try:
         while True:
             robot.slow += ticker.wait()[1]
             robot.period()
     except (BlownUp, EngineError) as error:
-        print(json.dumps({"error": f"the physics gave up: {error}"}), flush=True)
+        print(json.dumps({"error": f"the physics failed: {error}"}), flush=True)
         return 1
 
 
@@ -247,48 +247,48 @@ if __name__ == "__main__":
 
 
 LAST_LINE = 1.0
-"""Time to wait for what it says of a run [s]."""
+"""Timeout of its report on a run [s]."""
 
 
 class VirtualProcess:
-    """A virtual robot in a process of its own."""
+    """Virtual robot in a separate process."""
 
     def __init__(self, bundle: Path, cfg: VirtualCfg) -> None:
-        """Start it for the robot of a bundle; raise `RobotError` where it does not come up."""
+        """Start it for the robot of a bundle; raise `RobotError` where it fails to start."""
         command = python_module("stiction.virtual.serve", [bundle, json.dumps(asdict(cfg))])
         # What it writes on its standard error is for people, and goes where ours does.
         # Ctrl-C is for the supervisor: a robot does not end by it.
         tie = tied(isolated_environment()) | {"start_new_session": True}
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, **tie)
         assert self._process.stdout is not None
-        said = self._read()
-        if said is None or "error" in said:
+        greeting = self._read()
+        if greeting is None or "error" in greeting:
             self.close()
-            why = "it ended at once" if said is None else said["error"]
+            why = "it ended at once" if greeting is None else greeting["error"]
             raise RobotError(f"the virtual robot could not be started: {why}")
-        self.address = (LOOPBACK, int(said["port"]))
-        self.link = UdpLink(self.address, said["joints"], said["feet"], said["period"])
+        self.address = (LOOPBACK, int(greeting["port"]))
+        self.link = UdpLink(self.address, greeting["joints"], greeting["feet"], greeting["period"])
         # The robot sends its states to whoever greeted it last.
         self.link.hello()
 
-    def said(self) -> dict[str, Any]:
-        """Return what the robot saw of a run that ended in damping; empty where there was none.
+    def report(self) -> dict[str, Any]:
+        """Return the robot's report on a run that ended in damping, or an empty one.
 
-        `damped`, `last_good`: first damping frame, last true state [s, monotonic]; `slow`: periods behind; `moved` [m]
-        in so many `seconds`; `upright`.
+        `damped`, `last_good`: first damping frame, last true state [s, monotonic]; `slow`: late periods; `moved` [m] in
+        so many `seconds`; `upright`.
         """
         assert self._process.stdout is not None
         ready, _, _ = select.select([self._process.stdout], [], [], LAST_LINE)
         return (self._read() or {}) if ready else {}
 
     def _read(self) -> dict[str, Any] | None:
-        """Return the next line that it says, None where it has ended."""
+        """Return the next line of its output, None after its end."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         return json.loads(line) if line else None
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
         if self._process.stdout is not None:

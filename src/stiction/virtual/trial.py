@@ -1,4 +1,4 @@
-"""One robot of the factorial, built in an engine and driven from a bundle."""
+"""Robot of the factorial, built in an engine and driven from a bundle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
 
 RobotCase = Case | DataSheet
-"""Robot to build; its seed is of start poses and sensor noise too."""
+"""Robot to build; its seed is also for start poses and sensor noise."""
 
 CommandSource = Callable[[int, Motion], np.ndarray]
 """Number of the control step, motion -> commanded velocity: forward, sideways [m/s], turn [rad/s], shape (3,)."""
@@ -37,22 +37,22 @@ CommandSource = Callable[[int, Motion], np.ndarray]
 
 @dataclass(frozen=True)
 class World:
-    """The engine, the ground and the start of a robot."""
+    """Engine, ground and start of a robot."""
 
     make: Make
     ground: Ground = field(default_factory=flat)
     start: tuple[float, float] = (0.0, 0.0)
-    """Its position, x and y [m]."""
+    """Initial position, x and y [m]."""
     heading: float = 0.0
-    """Its yaw [rad]."""
+    """Initial yaw [rad]."""
     timestep: float = TIMESTEP
     """Physics step [s]."""
     period: float = PERIOD
     """Time between two readings [s]; logs for an Actuator Net need that of the training's physics."""
     noise: NoiseCfg | None = None
-    """Sensor noise of the training, for robots whose own sensors are perfect."""
+    """Sensor noise of the training, for robots with perfect sensors."""
     torque_source: TorqueSource = "motor_side"
-    """Where the joints' torque is measured, see `VirtualRobot`."""
+    """Place of the torque measurement, see `VirtualRobot`."""
 
     def height(self, place: np.ndarray) -> float:
         """Return the height of the ground at x, y [m], shape (2,)."""
@@ -77,7 +77,7 @@ class World:
         wear: Wear | None = None,
         fixed: bool = False,
     ) -> VirtualRobot:
-        """Build a robot in its own engine. generator: of its sensors' noise; fixed: bolted to a stand."""
+        """Build a robot in its engine. generator: of its sensors' noise; fixed: bolted to a stand."""
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
@@ -86,14 +86,14 @@ class World:
 
 
 class VirtualWalk:
-    """A policy on one virtual robot in its world: a walker of `drive`."""
+    """Policy on one virtual robot in its world: a walker of `drive`."""
 
     def __init__(self, robot: VirtualRobot, pilot: Pilot, world: World, spec: Robot) -> None:
-        """Connect them; spec: the robot's data sheet."""
+        """Connect policy and robot; spec: the robot's data sheet."""
         self.robot, self.pilot, self._world, self._spec = robot, pilot, world, spec
 
     def place(self, joint_position: np.ndarray) -> None:
-        """Put the robot to the start of its world at joint angles [rad], shape (J,), without any history."""
+        """Place the robot at the start of its world at joint angles [rad], shape (J,), without any history."""
         start, height = self._world.start, self._spec.standing_height + self._world.height(np.array(self._world.start))
         self.robot.place(joint_position, np.array([*start, height]), about(2, self._world.heading))
         self.pilot.reset()
@@ -109,7 +109,7 @@ class VirtualWalk:
 
     @property
     def fallen(self) -> bool:
-        """True if the robot lies, or is about to."""
+        """True if the robot has fallen, or is about to."""
         return self._world.fallen(self.seen.motion, self._spec)
 
     def truth(self) -> Truth:
@@ -128,12 +128,12 @@ class VirtualWalk:
 
 @dataclass(frozen=True)
 class Trial:
-    """One walk."""
+    """Results of one walk."""
 
     recording: Recording
-    """The truth, of one robot; shapes (T, 1, ...)."""
+    """Ground truth of one robot; shapes (T, 1, ...)."""
     steps: tuple[ControlStep, ...]
-    """What the policy observed and did, one for each control period."""
+    """Observations and actions of the policy, one for each control period."""
 
 
 def walk(
@@ -154,9 +154,9 @@ def walk(
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
     episode: number of start pose and noise, the same in all cells and in `Rollout` under the case's seed; seed: 0, or
-    of other episodes; friction, load: fed forward by the computer or the motors as `compensation` says, see `Pilot`;
-    known: friction given to a policy that observes it, by default the contract's. Raises `StictionError` where the
-    bundle does not fit, or compensates friction itself.
+    another one for other episodes; friction, load: fed forward by the computer or the motors as in `compensation`, see
+    `Pilot`; known: friction for a policy that observes it, by default the contract's. Raises `StictionError` where the
+    bundle does not match, or compensates friction itself.
     """
     contract = bundle.contract
     spec = spec or robot_of(contract)

@@ -225,5 +225,5 @@ def test_a_seed_counts_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     """Its duel is kept: named twice, it would be two samples that agree perfectly."""
     words = ["study", "disturber", "saturn_lite-flat-deception-0.2", "--out", str(tmp_path / "out"), "--seeds"]
     assert main([*words, "3", "3"]) == 1
-    assert capsys.readouterr().err.count("seeds 3 3: expected at least one, each once") == 1
+    assert capsys.readouterr().err.count("seeds: got 3 3, expected at least one, each once") == 1
     assert not (tmp_path / "out").exists()

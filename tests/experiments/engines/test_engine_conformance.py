@@ -11,7 +11,7 @@ from saturn_lite import BOXES
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
-from stiction.engines.catalog import ENGINES, TIMESTEP, make_engine, what_is_missing
+from stiction.engines.catalog import ENGINES, TIMESTEP, make_engine, missing_engine
 from stiction.engines.engine import BlownUp, Body, Make, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.engines.mujoco_engine import MujocoEngine
@@ -27,7 +27,7 @@ ROBOT = find_robot("saturn_lite")
 @pytest.fixture(scope="module", params=ENGINES)
 def make(request: pytest.FixtureRequest) -> Make:
     """What makes an engine, of those that are installed."""
-    missing = what_is_missing(request.param, ROBOT)
+    missing = missing_engine(request.param, ROBOT)
     if missing:
         pytest.skip(missing)
     return partial(make_engine, request.param)

@@ -36,7 +36,7 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def only_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all engines MuJoCo alone can be had."""
     monkeypatch.setattr(
-        "stiction_experiments.engines.run.what_is_missing", lambda name, spec: None if name == "mujoco" else GONE
+        "stiction_experiments.engines.run.missing_engine", lambda name, spec: None if name == "mujoco" else GONE
     )
 
 

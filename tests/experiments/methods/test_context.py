@@ -195,7 +195,7 @@ def test_a_time_out_tells_the_frame_before_the_reset() -> None:
     silent = NoiseCfg(0.0, 0.0, 0.0, 0.0)
     task = replace(CFG.task, episode=0.06, noise=silent, slow_means=1.0)
     env, twin = (LocomotionEnv(task, 4, 0) for _ in range(2))
-    env.tells_terminal = True
+    env.return_terminal_obs = True
     twin.max_episode_length = 100
     twin.push_interval = env.push_interval = 0
     for step in range(3):

@@ -137,7 +137,7 @@ def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
     ("change", "said"),
     [
         ({"commands": ("stand",)}, "asks for motion"),
-        ({"commands": ()}, "commands none: expected at least one, each once"),
+        ({"commands": ()}, "commands: got none, expected at least one, each once"),
         ({"commands": ("vx=0.5", "vx=0.5")}, "each once"),
         ({"commands": ("vx=0.5", "vx=0.50")}, "each once"),
         ({"levels": ()}, "at least one"),

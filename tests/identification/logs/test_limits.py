@@ -25,7 +25,7 @@ REASONS = {
     "csv_with_a_bad_end": "line 30002: 'x' in column 'position' is not a number",
     "csv_of_one_line": "a line of over",
     "csv_of_commas": "a line of over 4096 columns",
-    "gzip_of_lines": "no log shrinks that far",
+    "gzip_of_lines": "which no log does",
     "json_of_objects": "as JSON it would take",
     "json_of_depth": "not JSON",
     "parquet_of_one_number": "rows would take 805306368 bytes",

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
-from stiction.core.lock import one_writer
+from stiction.core.lock import exclusive_lock
 from stiction.core.provenance import limit_library_threads
 from stiction.deploy.control import JointCommand
 from stiction.deploy.plausibility import Violation
@@ -93,7 +93,7 @@ def run(
     if link.joint_names != contract.joint_names:
         raise PolicyError(f"the robot has the joints {link.joint_names}, the bundle {contract.joint_names}")
     with ExitStack() as stack:
-        stack.enter_context(one_writer(f"robot-{link.lock_name}", "the robot"))
+        stack.enter_context(exclusive_lock(f"robot-{link.lock_name}", "the robot"))
         operator = Operator(cfg.operator, time.monotonic())
         stack.enter_context(operator.listening())
         timing, effect = Timing(), ""

@@ -26,7 +26,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import StictionError
-from stiction.core.lifeline import parents_file
+from stiction.core.lifeline import parent_pipe
 from stiction.core.provenance import limit_library_threads
 from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import SupervisorCfg
@@ -111,7 +111,7 @@ class Takeover:
 def watch(memory: np.ndarray, link: Link, cfg: SupervisorCfg, kd: np.ndarray, parent: int) -> float | None:
     """Watch until the run is over, or damp; return for how long the robot was damped [s], None where it never was.
 
-    parent: file that is readable once the supervisor's process is gone, see `parents_file`.
+    parent: file that is readable once the supervisor's process is gone, see `parent_pipe`.
     """
     vigil = Vigil()
     while True:
@@ -139,7 +139,7 @@ def main(path: str, number: str, digest: str, memory: str, settings: str) -> int
     for name in SIGNALS:
         signal.signal(name, signal.SIG_IGN)
     limit_library_threads()
-    parent, end = parents_file(), socket.socket(fileno=int(number))
+    parent, end = parent_pipe(), socket.socket(fileno=int(number))
     try:
         values = json.loads(settings)
         cfg, contract = from_plain(SupervisorCfg, values["cfg"], "settings"), reread_bundle(path, digest).contract

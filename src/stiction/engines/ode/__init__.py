@@ -1,1 +1,1 @@
-"""The Open Dynamics Engine, the family of Webots' own, through its C library."""
+"""Open Dynamics Engine, on which Webots' engine is based, through its C library."""

@@ -27,52 +27,52 @@ FOOT, TRUNK, SHANK, PLANE, OBSTACLE = (1 << number for number in range(5))
 """Categories of shapes, as bits."""
 
 MEETS = {FOOT: FOOT | TRUNK, TRUNK: 0, SHANK: 0, PLANE: FOOT | TRUNK, OBSTACLE: FOOT | TRUNK | SHANK}
-"""Category -> those that it collides with; one of two is enough. As in training."""
+"""Category -> categories that it collides with; one direction suffices. As in training."""
 
 POINTS = 8
-"""Most contacts of a pair of shapes; a box on a plane has four."""
+"""Maximum contacts of a pair of shapes; a box on a plane has four."""
 
 APART = 2e-3
-"""Contacts of a pair of shapes that are nearer to each other are one [m]."""
+"""Minimum distance of two contacts of a pair of shapes; nearer ones are merged [m]."""
 
 SLIPS = 1e-4
-"""A contact that moves faster than this slips [m/s]; a slower one has no direction of slip."""
+"""Minimum speed of a slipping contact [m/s]; a slower one has no direction of slip."""
 
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Softness of contacts, and what bounds their friction."""
+    """Softness of contacts, and the bound of their friction."""
 
     erp: float = 0.2
     """Share of its depth that is corrected in a step [1]."""
     cfm: float = 1e-6
-    """Speed at which it gives way, per force [m/s/N]: at 2 ms 100 N press a foot 1 µm into the ground."""
+    """Yielding speed per force [m/s/N]: at 2 ms 100 N press a foot 1 µm into the ground."""
     last_step: bool = True
-    """Whether friction is bounded by the normal force of the last step, and not by `Approx1`."""
+    """True if friction is bounded by the normal force of the last step, and not by `Approx1`."""
 
 
 class Owner(NamedTuple):
     """Owner of a shape."""
 
     body: int | None
-    """The body that it belongs to, None for the ground."""
+    """Body of the shape, None for the ground."""
     leg: int | None = None
     """Number of the leg, for a foot."""
 
 
 GROUND = Owner(None)
-"""The owner of shapes that belong to no body."""
+"""Owner of shapes without a body."""
 
 
 class Touch(NamedTuple):
-    """A contact that was a joint of the last step."""
+    """Contact that was a joint of the last step."""
 
     pair: tuple[int, int]
-    """The shapes, that of the robot first."""
+    """Shapes, that of the robot first."""
     leg: int | None
     """Number of the leg whose foot the ground touches."""
     normal: tuple[float, float, float]
-    """Into the first shape."""
+    """Normal, into the first shape."""
     feedback: c.Feedback
     """Forces of the joint."""
 
@@ -82,7 +82,7 @@ class Touch(NamedTuple):
 
 
 class OdeContacts:
-    """The shapes of a robot and its ground, and the contacts of one step."""
+    """Shapes of a robot and its ground, and the contacts of one step."""
 
     def __init__(
         self, library: ctypes.CDLL, world: int, robot: OdeRobot, body: Body, ground: Ground, settings: ContactSettings
@@ -105,7 +105,7 @@ class OdeContacts:
         self._remember = c.NearCallback(lambda data, first, second: near.append((first, second)))
 
     def release(self) -> None:
-        """Free everything; to be called before the bodies are destroyed."""
+        """Free everything; call it before the bodies are destroyed."""
         library = self._library
         library.dJointGroupDestroy(self._joints)
         library.dSpaceDestroy(self._of_robot)
@@ -114,7 +114,7 @@ class OdeContacts:
             library.dGeomTriMeshDataDestroy(mesh)
 
     def find(self) -> None:
-        """Make a joint of every contact that there is now, for the coming step."""
+        """Make a joint of every present contact, for the coming step."""
         pushed: dict[tuple[int, int], float] = {}
         for touch in self._touching:
             pushed[touch.pair] = pushed.get(touch.pair, 0.0) + touch.push()
@@ -140,52 +140,52 @@ class OdeContacts:
         return push
 
     def _touch(self, pair: tuple[int, int], pushed: float) -> None:
-        """Make joints of the contacts of two shapes that are near each other; `pushed`: the last step's force [N]."""
+        """Make joints of the contacts of two nearby shapes; `pushed`: the last step's force [N]."""
         library, contacts = self._library, self._contacts
-        one, other = self._owners[pair[0]], self._owners.get(pair[1], GROUND)
+        first, second = self._owners[pair[0]], self._owners.get(pair[1], GROUND)
         count = library.dCollide(*pair, POINTS, contacts[0].point, ctypes.sizeof(c.Contact))
         apart = distinct(contacts[:count])
-        friction = 1.0 if one.leg is None and other.leg is None else self._friction
-        leg = one.leg if other is GROUND else None
+        friction = 1.0 if first.leg is None and second.leg is None else self._friction
+        leg = first.leg if second is GROUND else None
         for contact in apart:
             # Evenly, for the contacts of the last step need not be these: a pair is known from step to step, its points
             # are not.
-            self._bound(contact, one.body, other.body, friction, pushed / len(apart))
+            self._bound(contact, first.body, second.body, friction, pushed / len(apart))
             joint = library.dJointCreateContact(self._world, self._joints, contact)
-            library.dJointAttach(joint, one.body, other.body)
+            library.dJointAttach(joint, first.body, second.body)
             feedback = c.Feedback()
             library.dJointSetFeedback(joint, feedback)
             self._touching.append(Touch(pair, leg, tuple(contact.point.normal[:3]), feedback))
 
-    def _bound(self, contact: c.Contact, one: int | None, other: int | None, friction: float, pushed: float) -> None:
+    def _bound(self, contact: c.Contact, first: int | None, second: int | None, friction: float, pushed: float) -> None:
         """Bound the friction at a contact of two bodies that were pushed together with a force [N]."""
         surface = contact.surface
         surface.mode, surface.mu = c.SOFT_ERP | c.SOFT_CFM | c.APPROX1, friction
         if not self._settings.last_step or pushed <= 0.0:
             return
         surface.mode, surface.mu = c.SOFT_ERP | c.SOFT_CFM, friction * pushed
-        slip = self._slip(contact.point, one, other)
+        slip = self._slip(contact.point, first, second)
         speed = sum(part * part for part in slip) ** 0.5
         if speed > SLIPS:
             surface.mode |= c.FIRST_DIRECTION
             contact.first_direction[:3] = [part / speed for part in slip]
 
-    def _slip(self, point: c.ContactPoint, one: int | None, other: int | None) -> list[float]:
-        """Return the velocity of the first body at a contact against the second, along the surface [m/s]."""
-        pairs = zip(self._velocity(point, one), self._velocity(point, other), strict=True)
+    def _slip(self, point: c.ContactPoint, first: int | None, second: int | None) -> list[float]:
+        """Return the velocity of the first body at a contact relative to the second, along the surface [m/s]."""
+        pairs = zip(self._velocity(point, first), self._velocity(point, second), strict=True)
         relative, normal = [a - b for a, b in pairs], point.normal[:3]
         away = sum(a * b for a, b in zip(relative, normal, strict=True))
         return [part - away * direction for part, direction in zip(relative, normal, strict=True)]
 
     def _velocity(self, point: c.ContactPoint, body: int | None) -> list[float]:
-        """Return the velocity of a body where a contact is [m/s]; the ground's is zero."""
+        """Return the velocity of a body at a contact [m/s]; the ground's is zero."""
         velocity = c.Vector()
         if body is not None:
             self._library.dBodyGetPointVel(body, *point.position[:3], velocity)
         return velocity[:3]
 
     def _add_robot(self, robot: OdeRobot, body: Body) -> None:
-        """Add what can touch of the robot."""
+        """Add the contact shapes of the robot."""
         spec = body.spec
         for shape in spec.base.shapes:
             self._add_shape(shape, TRUNK, Owner(robot.base), body.base_com)
@@ -197,7 +197,7 @@ class OdeContacts:
                 self._add_shape(shape, SHANK if shape.contact == "obstacles" else TRUNK, Owner(part), link.com)
 
     def _add_shape(self, shape: Shape, category: int, owner: Owner, com: Sequence[float] | np.ndarray) -> None:
-        """Attach one shape where it can touch; `com`: its body's centre of mass in the link's frame [m]."""
+        """Attach one shape if it has contacts; `com`: its body's centre of mass in the link's frame [m]."""
         if shape.contact == "nothing":
             return
         library, space, (a, b, c_) = self._library, self._of_robot, shape.size
@@ -226,7 +226,7 @@ class OdeContacts:
             self._categorize(box, OBSTACLE)
 
     def _mesh(self, vertices: np.ndarray, faces: np.ndarray, space: int) -> int:
-        """Return a shape of triangles; ODE does not copy the arrays, so references to them are held."""
+        """Return a shape of triangles; ODE does not copy the arrays, so references to them are stored."""
         vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint32)
         mesh = self._library.dGeomTriMeshDataCreate()
         self._meshes.append((mesh, vertices, faces))
@@ -237,20 +237,20 @@ class OdeContacts:
         return int(self._library.dCreateTriMesh(space, mesh, None, None, None))
 
     def _attach(self, shape: int, category: int, owner: Owner, offset: np.ndarray) -> None:
-        """Attach a shape to its owner, its middle `offset` away from the centre of mass [m], shape (3,)."""
+        """Attach a shape to its owner, its middle at `offset` from the centre of mass [m], shape (3,)."""
         self._owners[shape] = owner
         self._categorize(shape, category)
         self._library.dGeomSetBody(shape, owner.body)
         self._library.dGeomSetOffsetPosition(shape, *offset)
 
     def _categorize(self, shape: int, category: int) -> None:
-        """Set what a shape is, and what it collides with."""
+        """Set the category of a shape, and the categories that it collides with."""
         self._library.dGeomSetCategoryBits(shape, category)
         self._library.dGeomSetCollideBits(shape, MEETS[category])
 
 
 def outward(corners: np.ndarray) -> np.ndarray:
-    """Return the triangles of a convex hull, corners in the order in which they look outward, shape (faces, 3)."""
+    """Return the triangles of a convex hull, corners in outward order, shape (faces, 3)."""
     hull = ConvexHull(corners)
     faces = hull.simplices.copy()
     normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
@@ -260,7 +260,7 @@ def outward(corners: np.ndarray) -> np.ndarray:
 
 
 def distinct(contacts: list[c.Contact]) -> list[c.Contact]:
-    """Return contacts at least `APART` from each other, the deepest of those that are nearer.
+    """Return contacts at least `APART` from each other, the deepest of nearer ones.
 
     A foot on an edge between two triangles touches both at one point; equal rows make the solver slow, and fail.
     """

@@ -1,12 +1,12 @@
-"""One robot in ODE 0.16, the family of engines that Webots belongs to: bodies held together by constraints.
+"""Robot in ODE 0.16, the engine that Webots' is based on: bodies held together by constraints.
 
 MuJoCo and PhysX have joint angles for coordinates; ODE has bodies, and joints that pull them together. A step is one
 linear complementarity problem, solved exactly (`dWorldStep`). ODE's iterative solver (`dWorldQuickStep`) does not hold
 joints by friction: a standing robot sags, with a hundred iterations too, which cost as much as the exact solution.
 
-After an error ODE calls exit(), after a failed assertion abort(); builds without assertions go on with garbage, and a
-linear complementarity problem that holds a NaN may never end. So all numbers are checked here; the ground checks
-itself.
+After an error ODE calls exit(), after a failed assertion abort(); builds without assertions continue with garbage, and
+a linear complementarity problem that holds a NaN may never end. So all numbers are checked here; the ground checks its
+own.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from stiction.core.rotation import UPRIGHT
 from stiction.engines.engine import TOUCH, BlownUp, Body, Motion, check_speed
 from stiction.engines.ground import Ground
 from stiction.engines.ode.contact import ContactSettings, OdeContacts
-from stiction.engines.ode.library import ode_library, prepare_thread, taken_messages
+from stiction.engines.ode.library import ode_library, prepare_thread, take_messages
 from stiction.engines.ode.robot import OdeRobot
 from stiction.robots.model import GRAVITY
 
 WIDEST = 2 * np.pi
-"""Range of a joint [rad]: ODE has angles from -π to π."""
+"""Maximum range of a joint [rad]: ODE has angles from -π to π."""
 
 
 def check_body(body: Body) -> None:
@@ -59,7 +59,7 @@ def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.
 
 
 def check_drive(torque: np.ndarray, friction: np.ndarray) -> None:
-    """Raise `BlownUp` for a torque or a bound that is not finite, `StictionError` for a bound that is negative."""
+    """Raise `BlownUp` for a torque or a bound that is not finite, `StictionError` for a negative bound."""
     for name, values in (("torque", torque), ("bound of friction", friction)):
         if not np.isfinite(values).all():
             joint = int(np.argmin(np.isfinite(values)))
@@ -89,7 +89,7 @@ def _expect(
 
 
 ITERATIONS = 100
-"""Of the iterative solver, in the rare steps that the exact one gives up."""
+"""Iterations of QuickStep, used only when the exact solver fails."""
 
 
 @dataclass(frozen=True)
@@ -97,29 +97,29 @@ class OdeSettings:
     """Settings of ODE."""
 
     name: str = "ode"
-    """As in results.csv."""
+    """Name as in results.csv."""
     erp: float = 0.2
     """Share of a joint's gap that is closed in a step [1]."""
     cfm: float = 1e-10
-    """Speed at which a constraint gives way, per force [m/s/N, rad/s/N m]: as good as none."""
+    """Yielding speed of a constraint per force [m/s/N, rad/s/N m]: negligible."""
     contact: ContactSettings = field(default_factory=ContactSettings)
-    """Of the contacts."""
+    """Settings of the contacts."""
 
 
 ACCURATE = OdeSettings()
-"""The best that ODE can do."""
+"""Most accurate settings of ODE."""
 
 WEBOTS = OdeSettings("ode-webots", cfm=1e-5, contact=ContactSettings(cfm=1e-3, last_step=False))
-"""Webots' defaults, but for contacts that do not bounce (its default is to bounce by 0.5)."""
+"""Webots' defaults, except that contacts do not bounce (its default is to bounce by 0.5)."""
 
 
 class OdeEngine:
-    """`Engine` on ODE. `reset` and `step` are called by one thread."""
+    """`Engine` on ODE. `reset` and `step` must be called by one thread."""
 
     def __init__(self, body: Body, ground: Ground, timestep: float, settings: OdeSettings = ACCURATE) -> None:
         """Build the robot on its ground, standing, the base at the origin; `timestep` of the physics [s].
 
-        Raises `StictionError`: there is no ODE 0.16, or it cannot have such a robot or timestep.
+        Raises `StictionError`: ODE 0.16 is missing, or does not support such a robot or timestep.
         """
         if not 0 < timestep < np.inf:
             raise EngineError(f"physics step {timestep} s; expected a positive number")
@@ -140,7 +140,7 @@ class OdeEngine:
         self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest; see `Engine.reset` and `check_pose`."""
+        """Place the robot at rest; see `Engine.reset` and `check_pose`."""
         check_pose(joint_position, position, quaternion)
         prepare_thread(self._library)
         self._contacts.forget()
@@ -162,12 +162,12 @@ class OdeEngine:
         self._lost = False
 
     def _advance(self) -> None:
-        """Take a step; where the exact solver gives up, which leaves forces out, repeat it with the iterative one."""
+        """Take a step; where the exact solver fails, which omits forces, repeat it with the iterative one."""
         library, world, before = self._library, self._world, self._robot.state()
         # Those of finding contacts are not the solver's.
-        taken_messages()
+        take_messages()
         done = library.dWorldStep(world, self.timestep)
-        if taken_messages():
+        if take_messages():
             self._robot.restore(before)
             # The iterative solver shuffles its rows.
             library.dRandSetSeed(0)
@@ -181,7 +181,7 @@ class OdeEngine:
             self._robot.push(velocity)
 
     def motion(self, loads: bool = True) -> Motion:
-        """Return what the robot does now; see `Motion`."""
+        """Return the present motion; see `Motion`."""
         position, quaternion, velocity, rate = self._robot.base_motion()
         force, torque = self._robot.transmitted() if loads else np.zeros((2, self.body.spec.num_joints))
         return Motion(
@@ -198,10 +198,10 @@ class OdeEngine:
 
 
 def _destroy(library: ctypes.CDLL, world: int, contacts: OdeContacts) -> None:
-    """Free a world and all that is in it, shapes before the bodies that they refer to."""
+    """Free a world and its contents, shapes before the bodies that they refer to."""
     contacts.release()
     library.dWorldDestroy(world)
 
 
 webots_engine = partial(OdeEngine, settings=WEBOTS)
-"""The engine `ode-webots`."""
+"""Factory of the engine `ode-webots`."""

@@ -1,10 +1,10 @@
-"""Finds ODE 0.16 and makes it callable.
+"""Bindings of ODE 0.16.
 
 The library is a system package, or lies in the wheel of `dartpy`, which the extra `engines` installs on Linux for that
 alone: neither DART nor any of its other libraries is loaded. ODE's licence is BSD or LGPL, by choice.
 
 Handles (worlds, bodies, joints, geometries) are addresses. ctypes does not notice a wrong prototype and passes garbage,
-so every function that is used is declared here.
+so every function in use is declared here.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from stiction.core.errors import EngineError, StictionError
 from stiction.core.extras import remedy
 
 Handle = c_void_p
-"""dWorldID, dBodyID, dJointID, dGeomID, dSpaceID, ...: a pointer that only ODE looks behind."""
+"""dWorldID, dBodyID, dJointID, dGeomID, dSpaceID, ...: an opaque pointer."""
 
 Vector = c_double * 4
 """dVector3: three numbers and one of padding."""
@@ -34,7 +34,7 @@ LO_STOP, HI_STOP, VELOCITY, FORCE_MAX, CFM = 0, 1, 2, 5, 8
 """dParamLoStop, HiStop, Vel, FMax, CFM. Up to 0.11 those after the third were two lower."""
 
 SECOND_AXIS = 0x100
-"""dParamGroup2: added to a number, it means the second axis of an angular motor."""
+"""dParamGroup2: added to a number, it selects the second axis of an angular motor."""
 
 FIRST_DIRECTION, SOFT_ERP, SOFT_CFM, APPROX1 = 0x002, 0x008, 0x010, 0x7000
 """dContactFDir1, SoftERP, SoftCFM, Approx1: bits of `Surface.mode`."""
@@ -56,7 +56,7 @@ class Feedback(ctypes.Structure):
 
 
 class Surface(ctypes.Structure):
-    """dSurfaceParameters: what a contact is made of; `mode` says which of the numbers count."""
+    """dSurfaceParameters: properties of a contact; `mode` selects the numbers in use."""
 
     _fields_ = (
         ("mode", c_int),
@@ -66,7 +66,9 @@ class Surface(ctypes.Structure):
 
 
 class ContactPoint(ctypes.Structure):
-    """dContactGeom: where two geometries meet; the normal points into the first, `depth` is positive inside [m]."""
+    """dContactGeom: contact point of two geometries; the normal points into the first, `depth` is positive inside
+    [m].
+    """
 
     _fields_ = (
         ("position", Vector),
@@ -80,13 +82,13 @@ class ContactPoint(ctypes.Structure):
 
 
 class Contact(ctypes.Structure):
-    """dContact: what a contact joint is made from."""
+    """dContact: data of a contact joint."""
 
     _fields_ = (("surface", Surface), ("point", ContactPoint), ("first_direction", Vector))
 
 
 MessageHandler = ctypes.CFUNCTYPE(None, c_int, c_char_p, c_void_p)
-"""dMessageFunction: number, format, and a `va_list` of what goes into the format."""
+"""dMessageFunction: number, format, and a `va_list` of the format's arguments."""
 
 NearCallback = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p)
 """dNearCallback: data, and two geometries whose boxes overlap."""
@@ -157,25 +159,25 @@ PROTOTYPES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "dGeomSetCategoryBits": (None, (Handle, c_ulong)),
     "dGeomSetCollideBits": (None, (Handle, c_ulong)),
 }
-"""Name -> type of the result, types of the arguments. `dGetConfiguration` is asked before these are declared."""
+"""Name -> type of the result, types of the arguments. `dGetConfiguration` is called before these are declared."""
 
 ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
 
 SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
-"""ODE 0.16 as the system's loader knows it; the 8 is the number of its binary interface."""
+"""Names of ODE 0.16 for the system's loader; the 8 is the number of its binary interface."""
 
 _messages: list[str] = []
-"""Messages of ODE since `taken_messages` was last called."""
+"""Messages of ODE since `take_messages` was last called."""
 
 _handlers: list[Callable[..., None]] = []
-"""References to the functions that ODE calls, so that they are not freed."""
+"""References to the functions that ODE calls, against garbage collection."""
 
 
 @cache
 def ode_library() -> ctypes.CDLL:
-    """Return ODE, initialised and with its prototypes declared; the same object every time. It is never closed.
+    """Return ODE, initialised and with its prototypes declared; always the same object, never closed.
 
-    Raises `StictionError` where there is no ODE of this version and precision.
+    Raises `StictionError` without an ODE of this version and precision.
     """
     failures = []
     for name in candidates():
@@ -191,7 +193,7 @@ def ode_library() -> ctypes.CDLL:
 
 @cache
 def library_digest() -> str | None:
-    """Return the SHA-256 of ODE's file, since two builds of one version may round otherwise; None without ODE."""
+    """Return the SHA-256 of ODE's file, since two builds of one version may round differently; None without ODE."""
     try:
         function = ode_library().dInitODE2
     except StictionError:
@@ -206,7 +208,7 @@ class _AddressInfo(ctypes.Structure):
 
 
 def file_of(function: Any) -> Path:
-    """Return the file of a function of a loaded library; raise `StictionError` where the loader does not know it."""
+    """Return the file of a function of a loaded library; raise `StictionError` for one unknown to the loader."""
     dladdr, info = ctypes.CDLL(None).dladdr, _AddressInfo()
     dladdr.argtypes = [c_void_p, POINTER(_AddressInfo)]
     if not dladdr(ctypes.cast(function, c_void_p), ctypes.byref(info)) or not info.file:
@@ -230,7 +232,7 @@ def candidates() -> Iterator[str]:
 def opened(name: str) -> ctypes.CDLL:
     """Return the library of that name or path, ready for use.
 
-    Raises `OSError` where there is none, `StictionError` where it is not ODE 0.16 in double precision.
+    Raises `OSError` for a missing one, `StictionError` for another library than ODE 0.16 in double precision.
     """
     library = ctypes.CDLL(name)
     # Before any other call: in single precision the structures declared here are of another size.
@@ -245,7 +247,7 @@ def opened(name: str) -> ctypes.CDLL:
 
 
 def declare(library: ctypes.CDLL, name: str) -> None:
-    """Give every function that is used its prototype; raise `StictionError` for one that is missing."""
+    """Declare the prototype of every function in use; raise `StictionError` for a missing one."""
     for function, (result, arguments) in PROTOTYPES.items():
         try:
             entry = getattr(library, function)
@@ -255,7 +257,7 @@ def declare(library: ctypes.CDLL, name: str) -> None:
 
 
 def check_precision(library: ctypes.CDLL, name: str) -> None:
-    """Raise `StictionError` for what is no ODE, and for one in single precision: its numbers are of another size."""
+    """Raise `StictionError` for another library, and for an ODE in single precision: its numbers have another size."""
     try:
         configuration = library.dGetConfiguration
     except AttributeError as error:
@@ -299,8 +301,8 @@ def prepare_thread(library: ctypes.CDLL) -> None:
 def set_handlers(library: ctypes.CDLL) -> None:
     """Record ODE's messages, which would go to standard error, and print its errors before it ends the process.
 
-    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do: callers must see to
-    it that neither happens.
+    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do: callers must avoid
+    both.
     """
     text = _formatter()
 
@@ -308,7 +310,7 @@ def set_handlers(library: ctypes.CDLL) -> None:
         _messages.append(text(form, arguments))
 
     def report(number: int, form: bytes, arguments: int) -> None:
-        print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
+        print(f"stiction: ODE failed and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
 
     error, message = MessageHandler(report), MessageHandler(record)
     _handlers.extend((error, message))
@@ -317,8 +319,8 @@ def set_handlers(library: ctypes.CDLL) -> None:
     library.dSetMessageHandler(message)
 
 
-def taken_messages() -> list[str]:
-    """Return ODE's messages since the last call, and forget them."""
+def take_messages() -> list[str]:
+    """Return ODE's messages since the last call, and clear them."""
     taken, _messages[:] = _messages[:], []
     return taken
 

@@ -24,17 +24,17 @@ from stiction.engines.ode import library as c
 from stiction.robots.model import Body as RigidBody
 
 STATE = 3 + 4 + 3 + 3
-"""Numbers of a body's state."""
+"""Length of a body's state."""
 
 LINK_AXIS = 1
-"""An axis of a motor turns with the first body of the joint, the link behind it."""
+"""Number of the body that turns an axis of a motor: the first body of the joint, the link behind it."""
 
 
 class OdeRobot:
-    """The bodies and joints of one robot in a world."""
+    """Bodies and joints of one robot in a world."""
 
     def __init__(self, library: ctypes.CDLL, world: int, body: Body, timestep: float) -> None:
-        """Build a robot that `check_body` let through, the base at the origin, every joint in mid-range."""
+        """Build a robot that passed `check_body`, the base at the origin, every joint in mid-range."""
         spec = body.spec
         lower, upper = spec.joint_values("lower"), spec.joint_values("upper")
         self._inertia = np.asarray(body.armature, float) / timestep
@@ -56,10 +56,11 @@ class OdeRobot:
         # Views of ODE's own memory: they follow the bodies, and one call for each in every step is saved.
         self._state = [np.ctypeslib.as_array(get(body), (count,)) for body in self._bodies for get, count in parts]
         self.angle, self.speed = self._middle.copy(), np.zeros(len(self.links))
-        """Of the joints now [rad, rad/s], shape (J,). ODE's angle is zero in the middle of the range: it ends at ±π."""
+        """Present angles and speeds of the joints [rad, rad/s], shape (J,). ODE's angle is zero in the middle of the
+        range: it ends at ±π."""
 
     def place(self, angle: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there at rest: joint angles [rad], (J,), position [m] and orientation of the base's frame."""
+        """Place the robot at rest: joint angles [rad], (J,), position [m] and orientation of the base's frame."""
         turns, origins = self._frames(np.asarray(angle, float), np.asarray(position, float), matrix(quaternion))
         self._put(self.base, origins[-1] + turns[-1] @ self._com, turns[-1])
         for body, link, turn, origin in zip(self.links, self._links, turns, origins, strict=False):
@@ -91,7 +92,7 @@ class OdeRobot:
         return np.concatenate(self._state).reshape(-1, STATE)
 
     def restore(self, state: np.ndarray) -> None:
-        """Put the bodies back into a state, as from `state`."""
+        """Restore the bodies' state, as from `state`."""
         library = self._library
         for body, row in zip(self._bodies, state, strict=True):
             library.dBodySetPosition(body, *row[:3])
@@ -115,8 +116,8 @@ class OdeRobot:
 
     def transmitted(self) -> tuple[np.ndarray, np.ndarray]:
         """Return |F| [N] and |T| [N m] of the hinge's constraint and the motor on the link in the last step, (J,)."""
-        given = np.linalg.norm(self._feedback[:, :, :2, :3].sum(axis=1), axis=-1)
-        return given[:, 0], given[:, 1]
+        loads = np.linalg.norm(self._feedback[:, :, :2, :3].sum(axis=1), axis=-1)
+        return loads[:, 0], loads[:, 1]
 
     def _add_link(self, world: int, link: RigidBody) -> int:
         """Return a new body with the mass and the inertia of a link."""
@@ -168,7 +169,7 @@ class OdeRobot:
         return turns, origins
 
     def _put(self, body: int, centre: np.ndarray, turn: np.ndarray) -> None:
-        """Put a body there at rest: its centre of mass [m], its rotation matrix."""
+        """Place a body at rest: its centre of mass [m], its rotation matrix."""
         library = self._library
         library.dBodySetPosition(body, *centre)
         library.dBodySetRotation(body, (ctypes.c_double * 12)(*np.column_stack((turn, np.zeros(3))).ravel()))

@@ -26,7 +26,7 @@ from stiction.files.observation import (
     Term,
 )
 from stiction.robots.catalog import is_shipped
-from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.model import Robot, with_standing_height
 from stiction.robots.named import IMPORTED_ROBOT, raised, reordered
 
 PerJoint = float | tuple[float, ...] | Mapping[str, float]
@@ -256,7 +256,7 @@ def robot_for(said: Said, robot: Robot) -> Robot:
         replace(joint, **{name: value[number] for name, value in values.items()})
         for number, joint in enumerate(robot.joints)
     )
-    varied = on_its_feet(replace(robot, joints=joints))
+    varied = with_standing_height(replace(robot, joints=joints))
     if is_shipped(robot.name) and any(raised(varied, robot)):
         return replace(varied, name=f"{robot.name}{IMPORTED_ROBOT}")
     return varied

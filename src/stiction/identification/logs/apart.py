@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.core.isolation import run_apart
+from stiction.core.isolation import run_isolated
 from stiction.core.memory import SHARES, allowance, bound, claim, limit_memory
 from stiction.files.tables import Table, read_bytes, read_parquet, table_of
 
@@ -31,7 +31,7 @@ def read_apart(path: Path, options: Mapping[str, Any]) -> Table:
     """Read a file in another process, by one of `readers`. options: of its reader. Raises `LogError`."""
     words = (path, allowance() * SHARES, json.dumps(dict(options)))
     try:
-        done = run_apart("stiction.identification.logs.apart", PATIENCE, words)
+        done = run_isolated("stiction.identification.logs.apart", PATIENCE, words)
     except subprocess.TimeoutExpired as error:
         raise LogError(f"{path.name}: reading it took more than {PATIENCE:.0f} s; export it as CSV or NPZ") from error
     except OSError as error:
