@@ -13,7 +13,7 @@ from stiction.deploy.check import replay
 from stiction.deploy.policy import load_policy
 from stiction.exchange.policies.description import contract_of
 from stiction.exchange.policies.exporter import export_to
-from stiction.exchange.policies.importer import read_network, said_of
+from stiction.exchange.policies.importer import describe_policy, read_network
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
 from stiction.files.observation import FRAMES, ObservationLayout, Term, proprioception
@@ -54,7 +54,7 @@ def read_back(folder: Path, made: Contract) -> tuple[Contract, bytes]:
     robot = made.anatomy
     assert robot is not None
     return contract_of(
-        said_of(network, path.name, settings, Derived(robot)), robot, (path.name, data), "r", "c"
+        describe_policy(network, path.name, settings, Derived(robot)), robot, (path.name, data), "r", "c"
     ), network.write()
 
 

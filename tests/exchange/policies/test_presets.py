@@ -15,8 +15,8 @@ from quads import quad
 from stiction.cli.import_policy import Import
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.exchange.policies.description import Said, contract_of
-from stiction.exchange.policies.importer import read_network, said_of
+from stiction.exchange.policies.description import PolicySpec, contract_of
+from stiction.exchange.policies.importer import describe_policy, read_network
 from stiction.exchange.policies.presets import PRESETS, by_breadth, by_depth
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
@@ -28,11 +28,11 @@ LIMBS = {legs: tuple(f"{leg}_{part}_joint" for leg in order for part in PARTS) f
 LEVELS = tuple(f"{leg}_{part}_joint" for part in PARTS for leg in LEGS["name"])
 
 
-def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> Said:
+def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> PolicySpec:
     """Return what is said of a network without metadata, or with them, and with our settings."""
     path = written(tmp_path / "net.onnx", network(size, metadata=metadata or None))
     settings = [written(tmp_path / "own.yaml", own)] if own else []
-    return said_of(read_network(path)[1], path.name, settings, find_derived(robot), preset)
+    return describe_policy(read_network(path)[1], path.name, settings, find_derived(robot), preset)
 
 
 def contract(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> Contract:
@@ -170,7 +170,7 @@ def test_a_size_of_joints_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     """18 actions make other sizes: 66 and 253."""
     path = written(tmp_path / "net.onnx", network(48, 18))
     with pytest.raises(StictionError, match=r"48 inputs and 18 actions, expected 66 \(flat\) or 253"):
-        said_of(read_network(path)[1], path.name, [], find_derived("saturn_lite"), "isaaclab")
+        describe_policy(read_network(path)[1], path.name, [], find_derived("saturn_lite"), "isaaclab")
 
 
 def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
@@ -180,10 +180,10 @@ def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
     for preset, settings, whose in (
         ("isaaclab", [], "go2 drives 12"),
         (None, [], "go2 drives 12"),
-        ("isaaclab", [one], "what is said of it names 1"),
+        ("isaaclab", [one], "its description names 1"),
     ):
         with pytest.raises(StictionError, match=f"net.onnx: the network gives 18 actions, {whose} joints; expected"):
-            said_of(read_network(path)[1], path.name, settings, find_derived("go2"), preset)
+            describe_policy(read_network(path)[1], path.name, settings, find_derived("go2"), preset)
 
 
 def test_metadata_win_over_the_preset_and_settings_over_both(tmp_path: Path) -> None:
