@@ -78,7 +78,7 @@ def _followed(target: np.ndarray) -> Log:
 
 
 def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
-    """Of a walk it was said that the excitation is too poor; what is wrong is that everything else moves too."""
+    """The message names the other moving joints, not poor excitation."""
     time = np.arange(0, 20, 0.002)
     rng = np.random.default_rng(0)
     position = 0.25 * np.abs((time % 2.0) - 1.0) + 1e-7 * rng.standard_normal(len(time))

@@ -58,7 +58,7 @@ def test_what_is_missing_is_known_to_be_missing(log: WalkLog) -> None:
 
 
 def test_the_wrong_robot_and_the_wrong_side_of_the_gear_are_refused(log: WalkLog) -> None:
-    """Masses of another robot would be taken off, or friction looked for where it is not."""
+    """Rejects the masses of another robot, and torque of the wrong side of the gear."""
     with pytest.raises(StictionError, match="--robot"):
         Walk(log, find_robot("go1"))
     with pytest.raises(StictionError, match="output_side"):

@@ -25,7 +25,7 @@ def log() -> WalkLog:
 
 @pytest.fixture(scope="module")
 def file(log: WalkLog) -> JointsFile:
-    """What is found in it."""
+    """Return the joints.json of a walk."""
     return identify_walk(Walk(log, walks.SPEC)).joints
 
 
