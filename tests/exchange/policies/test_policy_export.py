@@ -68,7 +68,7 @@ NATIVE = {
 @pytest.mark.parametrize("to", ["deploy.yaml", "rl_sar", "mjlab"])
 @pytest.mark.parametrize("layout", NATIVE.values(), ids=NATIVE)
 def test_a_policy_comes_back_as_it_went(to: str, layout: ObservationLayout, tmp_path: Path) -> None:
-    """Its actions on the golden vectors are the same to 1e-6: scales, order, gains and histories are in the files."""
+    """Actions on the golden vectors agree to 1e-6: scales, order, gains and histories are in the files."""
     made = contract(replace(layout, fill="zero" if to == "rl_sar" else "first"), action_clip=0.5)
     bundle = read_bundle(make_bundle(tmp_path / "bundle", made, make_network(made, gain=0.05)))
     done = export_to(tmp_path / "bundle", tmp_path / "out", to)
@@ -103,7 +103,7 @@ def test_our_own_policies_go_out_with_an_adapter(to: str, tmp_path: Path) -> Non
     ],
 )
 def test_what_a_target_cannot_hold_is_refused(made, to: str, message: str, tmp_path: Path) -> None:
-    """A file that leaves something out is a policy that nobody trained."""
+    """Rejects a policy that the target format cannot hold completely."""
     make_bundle(tmp_path / "bundle", made())
     with pytest.raises(StictionError, match=message):
         export_to(tmp_path / "bundle", tmp_path / "out", to)

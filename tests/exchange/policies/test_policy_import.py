@@ -1,4 +1,4 @@
-"""What files of others say of a policy, and the bundle that comes of it."""
+"""Descriptions of foreign policies, and the bundles made of them."""
 
 import math
 import re
@@ -28,7 +28,7 @@ OWN = "control_period: 0.02\naction_clip: none\n"
 
 
 def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
-    """Its scales, clips, histories and gains are those of the metadata, and what they lack was said."""
+    """Scales, clips, histories and gains are the metadata's, the rest is the user's."""
     model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
     said = written(tmp_path / "own.yaml", OWN)
     check = import_policy(model, ROBOT, tmp_path / "bundle", [said])
@@ -46,7 +46,7 @@ def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
 
 
 def test_what_nobody_says_is_asked_for_by_name(tmp_path: Path) -> None:
-    """A scale, an order or a period that is guessed gives a robot that walks badly, and blames its joints."""
+    """Asks by name for a missing scale, order or period."""
     model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
     with pytest.raises(StictionError, match=r"control_period: time between two actions.*action_clip: bound"):
         import_policy(model, ROBOT, tmp_path / "bundle")
@@ -87,7 +87,7 @@ observations:
   velocity_commands: {{params: {{command_name: base_velocity}}, clip: null, scale: [1, 1, 1], history_length: 5}}
   gait_phase: {{params: {{period: 0.8}}, clip: null, scale: [1, 1], history_length: 1}}
 """
-"""Of unitree_rl_lab: joints side by side, gains in the maker's order, leg by leg."""
+"""Settings of unitree_rl_lab: joints side by side, gains in the maker's order, leg by leg."""
 
 
 def test_a_deploy_yaml_by_hand() -> None:
@@ -177,7 +177,7 @@ def test_an_rl_sar_config_by_hand() -> None:
     ],
 )
 def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> None:
-    """Half a policy would be worse than none."""
+    """Rejects a policy that a contract cannot hold completely."""
     with pytest.raises(StictionError, match=message):
         read_rl_sar(RL_SAR | change, "config.yaml")
 
