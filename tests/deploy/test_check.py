@@ -109,7 +109,7 @@ def test_what_is_not_allowed_is_not_opened(bundle: Path) -> None:
 
 
 def test_a_map_that_nothing_binds_passes_in_an_older_bundle_alone(tmp_path: Path, contract: Contract) -> None:
-    """`verify` says so. A recording with torques would have bound it."""
+    """A map without a check passes only in an older bundle, and `verify` says so."""
     model, wear = make_network(contract), make_wear(contract)
     whole = check_bundle(write_bundle(tmp_path / "new", contract, model, make_golden(contract, model), "", wear))
     assert whole.bundle.wear_bound
