@@ -1,4 +1,4 @@
-"""Which messages are new states, and a time that nobody sets, with times made by hand."""
+"""Recognition of new states, and a clock that is never set, with times made by hand."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PERIOD = 0.002
 
 
 def numbered(*numbers: int) -> tuple[list[int], dict[str, float]]:
-    """Return which of some numbers, which come as they stand, in time or later, are taken, and what is counted."""
+    """Return the numbers that are taken, as they come, in time or later, and the counts."""
     arrivals = Arrivals()
     taken = [
         n
@@ -42,7 +42,7 @@ def numbered(*numbers: int) -> tuple[list[int], dict[str, float]]:
 def test_by_numbers_what_is_not_new_is_counted_and_never_taken(
     numbers: tuple[int, ...], taken: list[int], counted: dict[str, float]
 ) -> None:
-    """What is lost and comes after all is not lost; a robot that begins to count again is one of before."""
+    """A late message is not counted as lost; a robot whose numbers begin again is the same robot."""
     assert numbered(*numbers) == (taken, counted)
 
 

@@ -30,7 +30,7 @@ class Asking:
     contract = CONTRACT
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Nothing is remembered."""
+        """Do nothing: there is no state."""
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
         """Return the targets."""
@@ -63,7 +63,7 @@ def commands() -> list[JointCommand]:
 
 
 def test_a_batch_a_port_and_webots_get_the_same_command_to_the_last_bit() -> None:
-    """What is evaluated is what runs, where targets are free and where each of the limits acts."""
+    """Evaluation, port and Webots compute the same command, with free targets and at each limit."""
     expected, (kp, limit) = commands(), (CONTRACT.array("kp"), CONTRACT.array("torque_limit"))
     batch, port, webots = ControlLoop(Asking(), CONTRACT), Standing(), PolicyLoop(CONTRACT, Asking())  # type: ignore[arg-type]
     batch.reset(np.ones(3, bool))
@@ -86,7 +86,7 @@ def test_a_batch_a_port_and_webots_get_the_same_command_to_the_last_bit() -> Non
 
 
 def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its own limits are the contract's, and its clock, which rounds otherwise, changes no target once more."""
+    """The supervisor's limits are the contract's; its clock, which rounds differently, changes no target again."""
     monkeypatch.setattr(deployed, "CONTRACT", CONTRACT)
     run = Run(replace(SHORT, duration=2.0))
     run.until(Stage.RUN)
@@ -108,7 +108,7 @@ def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkey
 
 
 def test_an_older_bundle_has_no_limits_in_its_control_step() -> None:
-    """Its evaluation stays what it was, bit for bit."""
+    """The evaluation of an older bundle is unchanged, bit for bit."""
     loop, far = ControlLoop(Asking(), make_contract()), np.array([9.0, 0.0, 0.0])
     asked = Asking().step(STILL, far).target
     np.testing.assert_array_equal(loop.act(STILL, far).target, asked)

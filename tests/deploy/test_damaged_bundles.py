@@ -16,7 +16,7 @@ from processes import outcome
 
 @pytest.mark.slow
 def test_no_bundle_that_contradicts_itself_is_accepted(tmp_path: Path) -> None:
-    """If this failed, a robot would be driven with gains, limits, times or a network that are none of its policy's."""
+    """Rejects gains, limits, times and networks that contradict each other."""
     found = outcome("bundle_damage.py", tmp_path, "all")
     assert found["accepted"] == []
     assert found["wrong"] == []
@@ -26,7 +26,7 @@ def test_no_bundle_that_contradicts_itself_is_accepted(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_no_damage_ends_in_a_traceback(tmp_path: Path) -> None:
-    """What damage leaves as it was may be accepted: a network's unused name, say; all else is one line."""
+    """Each damage is rejected in one line, or changes nothing of effect, such as a network's unused name."""
     bundles = count(40, 150)
     found = outcome("bundle_damage.py", tmp_path, "random", bundles, 0)
     assert found["wrong"] == []

@@ -37,7 +37,7 @@ READINGS, STEPS = row_layout(JOINTS, 6), targets_layout(CONTRACT)
 
 
 def test_a_disk_that_fills_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
-    """The robot is stopped, or falls, for want of room; or nobody is told that there is no log."""
+    """A full disk ends the log with a message, and the robot keeps running."""
     room = 20_000  # Enough for header and report, and not for half a second of the log.
     done = subprocess.run(
         stiction("deploy", POLICY, *STAND, "--duration", "1", "--json", "--out", str(tmp_path / "run")),
@@ -83,7 +83,7 @@ def test_a_folder_that_is_gone_is_said_at_once_and_the_stop_too(tmp_path: Path) 
 
 
 def test_rows_of_the_most_joints_are_not_cut(tmp_path: Path) -> None:
-    """A datagram longer than what is read is cut, and ten readings are lost without a word."""
+    """A datagram has room for the rows of the most joints: none is truncated."""
     readings = row_layout(256, 6)
     write_run_header(tmp_path, HEADERS["walk"])
     ours, theirs = socket_pair()
@@ -134,7 +134,7 @@ def test_a_disk_that_hangs_holds_up_neither_the_run_nor_its_end(monkeypatch: pyt
 def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
     stop: dict[str, Any] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """Why a robot was stopped is lost with the report."""
+    """The end of the run is printed although its report cannot be written."""
     report = {"stop": stop, "end": "as it ended", "log": None, "log_lost": 0, "log_end": None}
     monkeypatch.setattr(deploy, "_planned", lambda *_: lambda: report)
     words = ["deploy", POLICY, "--json", "--report", "/dev/full", "--out", str(tmp_path / "run")]

@@ -54,7 +54,7 @@ def test_frames_are_stacked_as_said(stacking: str, direction: str, fill: str, ex
 
 
 def test_terms_are_stacked_each_with_its_own_history() -> None:
-    """Of each term all frames, as Isaac Lab, mjlab and unitree_rl_lab stack: three of the angles, two of the action."""
+    """All frames of each term, as Isaac Lab, mjlab and unitree_rl_lab stack: three of the angles, two of the action."""
     action = Term("last_action", 2, 1.0, 1e6, "joint", history_length=2)
     said = layout(TURN, replace(POSITION, history_length=3), action, layout="term_major")
     builder = ObservationBuilder(said, np.zeros(2))
@@ -86,7 +86,7 @@ def test_a_gait_clock_by_hand() -> None:
 
 
 def test_what_no_sensor_measures_is_never_made_up() -> None:
-    """Zeros in place of the base's velocity would tell a policy that it stands."""
+    """An unmeasured term is rejected, not replaced by zeros."""
     said = layout(Term("base_linear_velocity", 3, 2.0, 1e6, "base"))
     with pytest.raises(StictionError, match="which no sensor of a robot measures"):
         ObservationBuilder(said, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
@@ -121,6 +121,6 @@ def test_a_height_scan_by_hand() -> None:
     ],
 )
 def test_a_layout_that_no_runtime_can_build_is_refused(wrong) -> None:
-    """A contract comes from others; what it says is checked before anything moves."""
+    """Rejects an impossible layout before anything moves."""
     with pytest.raises(StictionError):
         wrong()

@@ -58,7 +58,7 @@ def test_history_is_oldest_first_and_starts_full() -> None:
 
 
 def test_a_batch_is_its_robots_one_by_one() -> None:
-    """Evaluation runs batches, the robot runs one; a difference would make evaluation worthless."""
+    """A batch gives each robot the observation that it has alone."""
     generator = np.random.default_rng(0)
     layout = proprioception(18)
     standing = generator.standard_normal(18)
@@ -79,7 +79,7 @@ def test_a_batch_is_its_robots_one_by_one() -> None:
 
 
 def test_sensors_of_the_wrong_shape_are_refused() -> None:
-    """NumPy would broadcast one joint over all of them without a word."""
+    """Rejects a single value for all joints."""
     builder = ObservationBuilder(LAYOUT, STANDING)
     wrong = Sensors(sensors().quaternion, sensors().angular_velocity, np.zeros(1), np.zeros(2))
     with pytest.raises(ValueError, match="joint_position"):
@@ -111,7 +111,7 @@ def test_known_friction_by_hand() -> None:
     ],
 )
 def test_known_friction_that_does_not_fit_is_refused(layout: ObservationLayout, known: list, message: str) -> None:
-    """NumPy would broadcast one number over all kinds of joints without a word."""
+    """Rejects a single value for all kinds of joints."""
     with pytest.raises(StictionError, match=message):
         ObservationBuilder(layout, STANDING, (3,), np.array(known))
 
@@ -141,7 +141,7 @@ def test_slow_means_by_hand() -> None:
 
 
 def test_a_reset_forgets_slow_means_of_that_robot_alone() -> None:
-    """A robot that was lifted and put down again would walk on the friction of its fall."""
+    """The reset of a robot clears its slow means and no other robot's."""
     two = Sensors(*(np.stack([value] * 2) for value in sensors(0.3).arrays().values()))
     other = replace(two, joint_position=two.joint_position + 1.0)
     builder = ObservationBuilder(SLOW, STANDING, (2,), None, 0.25)

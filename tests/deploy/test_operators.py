@@ -1,4 +1,4 @@
-"""Sizes and work of networks, worked out by hand, and what is refused before anything runs."""
+"""Sizes and work of networks, worked out by hand, and networks rejected before they run."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_the_work_of_a_product_by_hand() -> None:
     ],
 )  # fmt: skip
 def test_the_sizes_are_those_that_the_runtime_finds(nodes: list, constants: dict) -> None:
-    """An operator whose rule is wrong would refuse a good network, or pass a bad one."""
+    """The predicted sizes are those of onnxruntime."""
     model = network(*nodes, **{name: np.asarray(array) for name, array in constants.items()})
     assert check_model(model, 4, 2) > 0
     first_run(model, np.random.default_rng(0).uniform(0.5, 2.0, (6, 4)).astype(np.float32))
@@ -79,7 +79,7 @@ def test_the_sizes_are_those_that_the_runtime_finds(nodes: list, constants: dict
 
 @pytest.mark.parametrize("operator", REDUCTIONS)
 def test_no_robot_of_a_batch_sees_another(operator: str) -> None:
-    """A sum over the batch would mix robots."""
+    """Rejects a sum over the batch, which mixes robots."""
     nodes = node(operator, "observation axis", "x"), node("Slice", "x a b c")
     with pytest.raises(BundleError, match="over the robots of a batch"):
         check_model(network(*nodes, axis=np.array([0]), a=np.array([0]), b=np.array([2]), c=np.array([1])), 4, 2)
@@ -102,7 +102,7 @@ def test_more_work_than_a_step_may_take_is_refused_unrun() -> None:
 
 
 def test_a_file_of_any_size_is_refused_by_its_size() -> None:
-    """Nothing of it is looked at."""
+    """A file beyond the size limit is rejected unread."""
     with pytest.raises(BundleError, match="at most"):
         read_network(bytes(MOST_BYTES + 1))
 

@@ -1,4 +1,4 @@
-"""What a pilot sends to the joint controllers between two actions of its policy."""
+"""Commands of a pilot to the joint controllers between two actions of its policy."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def policy(**changes):
 
 
 def test_friction_is_fed_forward_from_the_angle_of_every_reading() -> None:
-    """Held for a whole control period the torque would still push when the joint is there: 4/5, 3/5, 2/5, 1/5, 0."""
+    """The torque falls as the joint approaches its target: 4/5, 3/5, 2/5, 1/5, 0."""
     port = Approaching()
     Pilot(port, policy(), FRICTION).step(np.zeros(3))
     for command, share in zip(port.sent, (0.8, 0.6, 0.4, 0.2, 0.0), strict=True):
@@ -76,12 +76,12 @@ def test_friction_that_grows_with_the_torque_is_fed_from_that_of_the_gains() -> 
 
 
 def test_what_runs_in_the_motors_is_not_done_by_the_computer() -> None:
-    """It would be fed forward twice, or not at all."""
+    """Friction is fed forward once: in the motors or by the computer."""
     with pytest.raises(StictionError, match="expected 'measured' here"):
         Pilot(Approaching(), policy(), FRICTION, Compensation("measured-motor", 0.75))
 
 
 def test_friction_is_not_compensated_twice() -> None:
-    """A policy whose targets are moved on already would push twice as hard as the friction holds."""
+    """Rejects feed-forward for a policy that already shifts its targets."""
     with pytest.raises(StictionError, match="once more"):
         Pilot(Approaching(), policy(compensation=tuple(0.1 for _ in range(JOINTS))), FRICTION)

@@ -1,4 +1,4 @@
-"""What no working robot measures is refused: each attack is one fault of a real deployment on a robot that walks."""
+"""Rejects implausible readings: each attack is one fault of a real deployment on a robot that walks."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def walking(contract: Contract, seconds: float = 2.0, period: float = PERIOD, ya
 
 
 def first(contract: Contract, attack: Attack, start: float = 0.0, **options) -> tuple[float, Violation] | None:
-    """Return when, after its start [s], an attack on a walk was found, and what was; None where nothing was."""
+    """Return the time of the first finding on an attacked walk, from its start [s], and the finding; None without."""
     guard = ReadingGuard(contract)
     for time, sensors in walking(contract, **options):
         given = attack(time, sensors) if time - 100.0 >= start else (time, sensors)
@@ -51,7 +51,7 @@ def first(contract: Contract, attack: Attack, start: float = 0.0, **options) -> 
 
 @pytest.mark.parametrize("period", [0.002, 0.02, 0.05])
 def test_a_walk_is_plausible(contract: Contract, period: float) -> None:
-    """A guard that stops a robot that is well would be switched off; at any rate of readings."""
+    """No finding on a walk at any rate of readings."""
     assert first(contract, lambda t, s: (t, s), period=period) is None
     assert first(contract, lambda t, s: (t, s), period=period, yaw=2.0) is None
 
@@ -113,7 +113,7 @@ ATTACKS: dict[str, tuple[str, float, Attack]] = {
 @pytest.mark.parametrize("name", ATTACKS)
 @pytest.mark.parametrize("late", [False, True])
 def test_an_attack_is_found(contract: Contract, name: str, late: bool) -> None:
-    """From the first reading on, and on a robot that has walked a while; what leans at the start may fall later."""
+    """From the first reading on, and on a walking robot; a robot that leans at the start may fall later."""
     rule, within, attack = ATTACKS[name]
     start = 0.5 if late else PERIOD if name == "an encoder that wraps" else 0.0
     found = first(contract, attack, start)
@@ -124,7 +124,7 @@ def test_an_attack_is_found(contract: Contract, name: str, late: bool) -> None:
 
 
 def test_a_quaternion_in_the_other_order_is_found_at_once_whichever_way_the_robot_looks(contract: Contract) -> None:
-    """A level robot that looks along 0 reads as level, turned by 180°, in x, y, z, w: no fall would be seen."""
+    """A level robot with heading 0 reads as level, turned by 180°, in x, y, z, w; it is found nevertheless."""
     guard = ReadingGuard(contract)
     for yaw in np.radians(np.arange(-180, 180, 5.0)):
         _, sensors = next(walking(contract, yaw=yaw))
@@ -149,7 +149,7 @@ def test_sensors_that_froze_do_not_act(contract: Contract) -> None:
 
 
 def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
-    """Whoever asks again each period would else be let through now and then."""
+    """Rejects every reading of a frozen robot after the first six."""
     guard, refused = ReadingGuard(contract), []
     _, held = next(walking(contract))
     for step in range(200):
@@ -158,7 +158,7 @@ def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
 
 
 def test_an_imu_and_an_encoder_freeze_alone(contract: Contract) -> None:
-    """A robot has several buses; what is still read hides what is not."""
+    """Each sensor is judged alone: a robot has several buses, and the rest still changes."""
     _, held = list(walking(contract, 0.5))[-1]
     imu = first(
         contract, lambda t, s: (t, replace(s, quaternion=held.quaternion, angular_velocity=held.angular_velocity)), 0.5
@@ -210,7 +210,7 @@ def test_clocks_of_two_rates_are_found_and_one_step_is_none() -> None:
 
 
 def test_time_goes_on(contract: Contract) -> None:
-    """A clock that stands or goes back, and a reading that comes late, would be taken for what they are not."""
+    """Rejects a clock that stands or goes back, and a late reading."""
     guard = ReadingGuard(contract)
     readings = [sensors for _, sensors in walking(contract, 0.5)]
 
@@ -229,7 +229,7 @@ def test_time_goes_on(contract: Contract) -> None:
 
 
 def test_commands_end_where_training_did() -> None:
-    """A command of 1e9 is clipped in the observation, and acts as 5 m/s would, of which nothing is known either."""
+    """Rejects commands beyond the training's range, or beyond an assumed range in older bundles."""
     told = make_contract(command_range={"forward": (0.0, 1.5), "sideways": (0.0, 0.0), "turn": (-1.0, 1.0)})
     _, sensors = next(walking(told))
     cases = [([1.5, 0, -1], None), ([1.6, 0, 0], "m/s forward"), ([-0.1, 0, 0], "m/s forward"),
@@ -245,7 +245,7 @@ def test_commands_end_where_training_did() -> None:
 
 
 def test_limits_can_be_changed_and_switched_off(contract: Contract) -> None:
-    """A robot on a wall leans at the start; a rule that is misspelt would seem to be off."""
+    """Limits can be changed and switched off by name; rejects a misspelt rule."""
     _, sensors = next(walking(contract))
     leaning = replace(sensors, quaternion=about(1, 1.0))
     assert ReadingGuard(contract).check(0.0, leaning, WALK) is not None

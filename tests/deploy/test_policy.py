@@ -40,7 +40,7 @@ def test_targets_by_hand(contract: Contract) -> None:
 
 
 def test_last_action_returns_clipped_and_a_reset_forgets_it(contract: Contract) -> None:
-    """The observation holds what was really asked of the joints."""
+    """The observation holds the clipped action, as it was sent to the joints."""
     weights = np.zeros((contract.observation.size, 18), np.float32)
     weights[10 * contract.observation.frame_size + 6, 0] = 100.0
     policy = load_policy(contract, linear_network(onnx, weights), batch=(2,))
@@ -79,7 +79,7 @@ def test_the_velocity_is_a_second_output_where_the_contract_asks_for_it(contract
 
 
 def test_a_rehearsal_leaves_the_policy_as_it_was(contract: Contract) -> None:
-    """If this failed, a robot would walk on readings that it was never in."""
+    """A rehearsal changes neither history nor last action."""
     weights = np.random.default_rng(0).normal(size=(contract.observation.size, 18)).astype(np.float32)
     still, command = standing_still(contract), np.array([0.5, 0.0, 0.0])
     other = still.each(lambda value: value + 0.1)

@@ -30,7 +30,7 @@ def robot_policy(contract: Contract, joint_names: tuple[str, ...] | None = None,
 
 
 def reading(contract: Contract, seed: int = 0) -> dict[str, Any]:
-    """Return what a robot that stands measures, with noise, in the contract's order, and a command."""
+    """Return noisy readings of a standing robot, in the contract's order, and a command."""
     draw = np.random.default_rng(seed).standard_normal
     return {
         "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
@@ -52,7 +52,7 @@ def by_name(contract: Contract, given: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_joints_come_by_name_in_any_order(contract: Contract) -> None:
-    """A library that numbers joints otherwise than training would move the wrong legs."""
+    """Joints are matched by name, whatever their order in the library."""
     names = tuple(reversed(contract.joint_names))
     given = reading(contract)
     turned = given | {key: given[key][::-1] for key in ("joint_position", "joint_velocity")}
@@ -92,7 +92,7 @@ def test_joints_that_are_not_the_robots_are_named(contract: Contract) -> None:
 
 
 def test_joints_that_are_held_may_be_in_the_order() -> None:
-    """A G1 reports 29 joints; its policy moves 12 and would leave the elbows to whatever zero is."""
+    """A G1 reports 29 joints; its policy moves 12, and the rest are held."""
     robot = find_robot("g1")
     assert robot.vendor is not None
     contract = make_contract("g1", anatomy=robot)
@@ -106,7 +106,7 @@ def test_joints_that_are_held_may_be_in_the_order() -> None:
 
 @pytest.mark.parametrize("batch", [(), (2,)])
 def test_a_zero_quaternion_is_not_level(contract: Contract, batch: tuple[int, ...]) -> None:
-    """Roll and pitch of nothing are zero: the policy of a robot without an IMU would walk as if it had one."""
+    """Rejects a quaternion of zeros, as a robot without an IMU sends it."""
     policy = load_policy(contract, make_network(contract), batch)
     standing = np.broadcast_to(contract.array("standing"), (*batch, 18))
     for quaternion in (np.zeros((*batch, 4)), np.full((*batch, 4), 0.7)):
@@ -116,7 +116,7 @@ def test_a_zero_quaternion_is_not_level(contract: Contract, batch: tuple[int, ..
 
 
 def test_what_is_refused_does_not_enter_the_policy(contract: Contract) -> None:
-    """A frame of nonsense would stay in the history for eleven steps."""
+    """A rejected reading does not enter the history."""
     hit, spared = (robot_policy(contract, contract.joint_names) for _ in range(2))
     for policy in (hit, spared):
         policy.step(0.0, **reading(contract))
@@ -153,7 +153,7 @@ def test_a_loop_at_another_rate_is_refused(contract: Contract) -> None:
 
 
 def test_after_a_reset_the_first_reading_counts_as_one(contract: Contract) -> None:
-    """The next start may be hours later, with a clock that began anew; what was measured before says nothing."""
+    """A reset forgets the clock and the readings before it."""
     policy = robot_policy(contract, contract.joint_names)
     first = policy.step(5.0, **reading(contract)).policy.observation
     policy.step(5.02, **reading(contract, 1))
@@ -164,7 +164,7 @@ def test_after_a_reset_the_first_reading_counts_as_one(contract: Contract) -> No
 
 
 def test_shapes_are_one_robots(contract: Contract) -> None:
-    """A command of one number would be broadcast to three."""
+    """Rejects a command of one number for three."""
     policy = robot_policy(contract, contract.joint_names)
     with pytest.raises(PolicyError, match="forward, sideways, turn"):
         policy.step(0.0, **reading(contract) | {"command": np.array([0.3])})
@@ -173,14 +173,14 @@ def test_shapes_are_one_robots(contract: Contract) -> None:
 
 
 def test_a_policy_that_nobody_tells_its_friction_does_not_start() -> None:
-    """At the first step, in the air, would be late."""
+    """Rejects a policy without the friction that it observes, before the first step."""
     contract = make_contract(observation=proprioception(18, known_kinds=3))
     with pytest.raises(PolicyError, match="told the friction"):
         robot_policy(contract)
 
 
 def test_a_directory_is_checked_before_it_runs(tmp_path: Path, contract: Contract) -> None:
-    """What a robot is given is what `verify` passed, on the list that its owner keeps."""
+    """A bundle passes `verify` and the owner's list before it runs."""
     path = make_bundle(tmp_path / "toy", contract)
     digest = read_bundle(path).digest
     policy = load_robot_policy(path, contract.joint_names, allowed=frozenset({digest}))

@@ -53,11 +53,11 @@ class Memory:
     there: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]] = ((), (), ())
 
     def fileno(self) -> int:
-        """Nobody waits for it."""
+        """Return no descriptor."""
         return -1
 
     def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """What was put there."""
+        """Return the stored messages."""
         waiting, self.waiting = self.waiting, []
         return waiting
 
@@ -70,7 +70,7 @@ class Memory:
         self.sent.append(message)
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: nothing is open."""
 
 
 def test_joints_come_by_name_and_quaternions_with_w_first() -> None:
@@ -161,10 +161,10 @@ def message_of(values: Any) -> Any:
 
 
 class FakeRos:
-    """What of rclpy is used."""
+    """Substitute for the used part of rclpy."""
 
     def __init__(self) -> None:
-        """Begin with nobody listening."""
+        """Begin without subscribers."""
         self.heard: dict[str, Callable[[Any], None]] = {}
         self.published: list[Any] = []
         self.asked: list[str] = []
@@ -189,12 +189,12 @@ class FakeRos:
         return [info(node_name=name, node_namespace="/dog") for name in names]
 
     def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
-        """Who publishes."""
+        """Return the publishers of a topic."""
         ours = ["stiction"] if topic == "/dog/joint_command" else ["driver"]
         return self._infos(topic, ours + self.there["publishers"][1:])
 
     def get_subscriptions_info_by_topic(self, topic: str) -> list[Any]:
-        """Who reads."""
+        """Return the subscribers of a topic."""
         assert topic == "/dog/joint_command"
         return self._infos(topic, self.there["subscriptions"])
 
@@ -207,7 +207,7 @@ class FakeRos:
         self.published.append(message)
 
     def destroy_node(self) -> None:
-        """Nothing to destroy."""
+        """Do nothing: nothing is allocated."""
 
 
 def spin_without_a_turn(context: Any) -> SimpleNamespace:
@@ -241,7 +241,7 @@ def ros(monkeypatch: pytest.MonkeyPatch) -> FakeRos:
 
 
 def test_messages_of_rclpy_arrive_and_commands_leave(ros: FakeRos) -> None:
-    """What rclpy hands over is not what the rest understands, or a command has fields that ROS does not know."""
+    """Messages are converted to states, and commands have the fields of the ROS message."""
     link = ros2_link("/dog", CONTRACT)
     assert ros.asked == ["/dog"] and link.lock_name == "ros2-dog"
     ros.heard[IMU_TOPIC](message_of(imu(5.0)))
@@ -255,7 +255,7 @@ def test_messages_of_rclpy_arrive_and_commands_leave(ros: FakeRos) -> None:
 
 
 def test_without_ros_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing installation is a traceback; a namespace that is none is a topic that nobody hears."""
+    """A missing installation and an invalid namespace each give one clear line."""
     monkeypatch.setitem(sys.modules, "rclpy", None)
     with pytest.raises(RobotError, match=r"ROS 2 is not here.*setup\.bash"):
         ros2_link("/dog", CONTRACT)

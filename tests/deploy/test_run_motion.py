@@ -65,7 +65,7 @@ def test_a_run_plays_the_motion_from_its_first_target_to_its_end(tmp_path: Path)
 def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
     tmp_path: Path, duration: float | None, played: float, said: str
 ) -> None:
-    """Who bounds a first motion on a robot gets all of it, or the report does not say that it was cut."""
+    """A motion ends with the smaller of its length and the duration, and the report names the cut."""
     file = write(tmp_path / "trajectory.csv", f"time,target.{KIND}\n0,0.2\n0.4,0.4\n")
     run = Run(replace(SHORT, duration=duration), Motion(file, CONTRACT)).until(Stage.DONE)
     outs = [out for out in run.outs if out.stage is Stage.RUN]

@@ -20,7 +20,7 @@ from stiction.deploy.runtime.operator import ALIVE, SIGNALS, Operator, parse_vel
 
 
 def free_port() -> int:
-    """Return a UDP port on loopback that nobody listens at."""
+    """Return an unused UDP port on loopback."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.bind(("127.0.0.1", 0))
         return int(port.getsockname()[1])

@@ -11,7 +11,7 @@ from deployed import CONTRACT, JOINTS, PERIOD, state
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import SafetyCfg
-from stiction.deploy.runtime.safety import BESIDE, Safety, tilt
+from stiction.deploy.runtime.safety import OTHER_FIELDS, Safety, tilt
 
 CFG = SafetyCfg()
 
@@ -67,9 +67,9 @@ def test_each_rule_at_its_limit(rule: str, limit: float, reading: Callable[[floa
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("name", BESIDE)
+@pytest.mark.parametrize("name", OTHER_FIELDS)
 def test_a_number_that_is_none_is_found_wherever_it_is(name: str, value: float) -> None:
-    """Of one motor, foot or axis: it was taken for what a robot does not say, and acted on."""
+    """A value that is no number is found in one motor, foot or axis."""
     given = np.atleast_1d(getattr(state(1, 0.0), name)).astype(float)
     good = np.where(np.isnan(given), 1.0, given)
     wrong = good.copy()

@@ -1,4 +1,4 @@
-"""What the supervisor lets through, in which order, and that a stop is damping until the robot rests."""
+"""Supervisor: accepted messages, their order, and a stop that is damping until the robot rests."""
 
 from __future__ import annotations
 
@@ -395,7 +395,7 @@ def test_a_joint_that_hunts_while_it_is_to_stand_gets_no_friction_any_more(walks
 
 @pytest.mark.parametrize(("waited", "stopped"), [(0.0, True), (0.4, False)])
 def test_gains_that_a_robot_said_before_it_was_told_ours_are_not_judged(waited: float, stopped: bool) -> None:
-    """Of a busy computer: 0.6 s after the first command a state is read that had waited since 0.2 s after it."""
+    """A state of 0.2 s after the first command, read at 0.6 s on a busy computer, is not judged."""
     run = Run(replace(SHORT, stale=1.0))
     while run.supervisor.stage is not Stage.STAND:
         run.step()

@@ -53,7 +53,7 @@ def test_missed_deadlines_are_skipped_for_good() -> None:
 
 
 def test_a_rehearsal_moves_no_deadline() -> None:
-    """If this failed, what makes a step faster would make it late, or be made where there is no time for it."""
+    """A rehearsal leaves the deadlines of the control steps unchanged."""
     clock, begun = Clock(), []
 
     def look() -> float:

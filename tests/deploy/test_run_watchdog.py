@@ -59,7 +59,7 @@ class Numbers:
         self.said: list[RobotState] = []
 
     def receive(self) -> list[RobotState]:
-        """Return what was said since the last call."""
+        """Return the messages since the last call."""
         said, self.said = self.said, []
         return said
 
@@ -159,7 +159,7 @@ with watchdog_process(bundle, folder, link, cfg) as watchdog:
 
 @pytest.mark.parametrize("broken", [False, True])
 def test_only_a_robot_that_was_damped_is_guarded_no_more(broken: bool) -> None:
-    """Nobody takes over while the log is written; where the last commands were not sent, somebody does."""
+    """The watchdog ends only after damping was sent; until then it guards the robot."""
     memory, link = np.zeros(8), UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD)
     memory[LOOKED] = np.inf
     watchdog = Watchdog(memory, GAP, SimpleNamespace(pid=os.getpid(), poll=lambda: None))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""A robot reports to nobody: onnxruntime is told so before it is loaded."""
+"""onnxruntime sends no telemetry: its setting is made before it is loaded."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ def files_of(program: str, folder: Path) -> list[str]:
 
 
 def test_a_policy_leaves_no_identifier_and_no_account_of_its_sessions(tmp_path: Path) -> None:
-    """If this failed, the machine of whoever runs a policy would be known, by an identifier, to onnxruntime's maker."""
+    """A policy's process leaves neither an identifier nor a session log of onnxruntime."""
     left = files_of(WALK, tmp_path / "ours")
     assert not [name for name in left if name.startswith((".ses", "deviceid", "onnxruntime"))], left

@@ -171,7 +171,7 @@ while time.time() < until:
 
 @pytest.mark.parametrize(("family", "state", "command"), [("go", GO_STATE, GO_COMMAND), ("hg", HG_STATE, HG_COMMAND)])
 def test_the_maker_s_library_understands_us(family: str, state: Structure, command: Structure) -> None:
-    """Its checksum, types and places, in C++, are not ours: it says so by ignoring what we send."""
+    """The maker's C++ library accepts our checksum, types and topics."""
     pytest.importorskip(
         "unitree_interface", reason="far-unitree-sdk, with which messages are compared, is not installed"
     )

@@ -38,21 +38,21 @@ class Wires:
         self.others, self.there, self.missing, self.writer = False, Peers(), 0, ""
 
     def fileno(self) -> int:
-        """Nobody waits for it."""
+        """Return no descriptor."""
         return -1
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """What was put there."""
+        """Return the stored messages."""
         waiting, self.waiting = self.waiting, []
         return waiting
 
     def lost(self) -> int:
-        """What was put there, once."""
+        """Return the stored number of lost messages, once."""
         lost, self.missing = self.missing, 0
         return lost
 
     def foreign(self) -> bool:
-        """Whether somebody else commands."""
+        """Return True if another process commands."""
         return self.others
 
     def peers(self) -> Peers:
@@ -64,7 +64,7 @@ class Wires:
         self.sent.append(data)
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: nothing is open."""
 
 
 def connected(

@@ -38,7 +38,7 @@ def test_the_velocity_is_along_the_heading_and_by_the_simulation_s_time(
 
 
 def test_a_simulator_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    """Nothing is started or imported of a folder that is not the simulator's."""
+    """Rejects a folder that is not the simulator's, without running or importing its files."""
     words = [sys.executable, str(TOOL), "bundle", "--simulator", str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "without unitree_mujoco.py" in done.stderr.splitlines()[-1]

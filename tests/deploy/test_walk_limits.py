@@ -1,4 +1,4 @@
-"""`tools/walk_limits.py`: what a recorded walk asks of the limits."""
+"""`tools/walk_limits.py`: peak demands of a recorded walk in relation to the limits."""
 
 from __future__ import annotations
 

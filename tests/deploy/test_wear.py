@@ -70,13 +70,13 @@ def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contrac
 
 
 def test_a_map_that_was_not_calibrated_says_how_little_its_intervals_held(contract: Contract) -> None:
-    """Who reads a number must read beside it what such numbers were worth; nobody measured the joints."""
+    """A map without calibration states the coverage of its intervals."""
     found = estimate(make_wear(contract), np.zeros(len(make_wear(contract).center)))
     assert not found.calibrated and found.level_held == 0.07 and np.isnan(found.held).all()
 
 
 def test_an_estimate_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
-    """Where the map is blind, beyond it, and in a strange window."""
+    """The estimate names its limits: outside the map, where the map is blind, and in a strange window."""
     estimated = (False,) + (True,) * 18
     monitor = WearMonitor(contract, make_wear(contract, estimated=estimated, intercept=(0.01, 0.3) + (0.01,) * 17))
     found = [monitor.step(np.zeros(726, np.float32)) for _ in range(5)]
@@ -103,7 +103,7 @@ def test_an_estimate_says_what_it_cannot_tell_and_why(contract: Contract) -> Non
     ],
 )
 def test_a_calibration_that_is_none_is_refused(contract: Contract, change: dict, message: str) -> None:
-    """Robots that tested what they calibrated would vouch for themselves."""
+    """Rejects a calibration on the robots of the test."""
     with pytest.raises(StictionError, match=message):
         make_calibration(contract, **change)
 
@@ -118,13 +118,13 @@ def test_a_calibration_that_is_none_is_refused(contract: Contract, change: dict,
     ],
 )
 def test_a_map_that_fits_nothing_is_refused(contract: Contract, change: dict, message: str) -> None:
-    """A short vector would be broadcast in silence."""
+    """Rejects a vector of the wrong length."""
     with pytest.raises(StictionError, match=message):
         replace(make_wear(contract), **change)
 
 
 def test_a_map_for_another_robot_is_refused(contract: Contract) -> None:
-    """Twelve joints read with the map of eighteen would give plausible numbers."""
+    """Rejects the map of a robot with other joints."""
     with pytest.raises(StictionError, match="joints"):
         WearMonitor(make_contract("go1"), make_wear(contract))
 

@@ -1,4 +1,4 @@
-"""Which training is advised, from counts made by hand; and that the counts are those of the results."""
+"""Advised training, from counts made by hand; the counts are those of the results."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ FIVE = (
     ],
 )  # fmt: skip
 def test_a_friction_is_covered_only_where_every_seed_follows_every_command(low: float, high: float, said: str) -> None:
-    """Tested at 0, 10, 20, 30 and 40 %: at 40 % nobody follows, and between and beyond nobody walked."""
+    """Tested at 0, 10, 20, 30 and 40 %: at 40 % no seed follows, and no level between and beyond was walked."""
     told = advise(low, high, sources(*FIVE))
     assert told.method == "deception" and said in told.coverage
     assert told.covered is told.to_dict()["covered"] is said.startswith("It covers ")
 
 
 def test_a_level_above_a_gap_is_not_all_below_it() -> None:
-    """With every seed at 40 % and not at 30 %: 40 % is covered, and what lies below it is not."""
+    """With every seed at 40 % and not at 30 %, 40 % is covered and lower levels are not."""
     told = advise(0.32, 0.4, sources(*FIVE[:-1], cell("deception", 0.4, 5)))
     assert not told.covered and told.coverage.startswith("It covers 40 %, and not all below it: ")
 
@@ -110,7 +110,7 @@ def test_two_are_named_where_seeds_do_not_tell_them_apart() -> None:
 
 
 def test_told_is_shown_and_never_chosen() -> None:
-    """The robot has to tell its friction: what follows best with it is no training for a robot that does not."""
+    """A policy that observes friction is shown and never advised for a robot that does not tell its friction."""
     told = advise(0.2, 0.2, sources(cell("deception", 0.2, 0), cell("told", 0.2, 5)))
     assert told.method == "deception" and not told.covered
     assert "Other methods: told, which the robot has to tell its friction, 5 of 5 seeds at 20 %." in told.comparison
@@ -156,7 +156,7 @@ def test_the_package_s_file_is_that_of_the_results() -> None:
 
 
 def test_every_entry_has_a_source_and_a_condition() -> None:
-    """A number without a source would be an invention."""
+    """Every entry has a source and a condition."""
     assert {entry.source for entry in REFERENCE} == set(SOURCES)
     assert {entry.condition for entry in REFERENCE} == set(CONDITIONS)
     assert len({entry.robot for entry in REFERENCE}) >= 7

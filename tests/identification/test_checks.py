@@ -48,7 +48,7 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
     ],
 )
 def test_bad_logs_are_refused(time: np.ndarray, signals: JointSignals, said: str) -> None:
-    """Everything that would make the fit meaningless is named before the fit."""
+    """Faults that make the fit meaningless are named before it."""
     with pytest.raises(LogError, match=said):
         check(time, signals)
 

@@ -1,4 +1,4 @@
-"""Which friction law is chosen, on logs whose law is known, and whether the words say why."""
+"""Chosen friction law on logs with a known law, and the words of the reason."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def white(seed: int = 0, size: float = 0.05) -> np.ndarray:
     ids=["plain", "plain_slow", "leg", "asymmetric", "stribeck", "loaded_leg", "knee"],
 )
 def test_the_law_that_made_the_log_is_chosen(motor: Motor, excitation: Excitation | None, law: Law) -> None:
-    """Three logs each: a wrong law would be trained with, and its parameters mean something else."""
+    """Three logs of each law: the law of the log is chosen."""
     for seed in range(3):
         choice = chosen(motor, excitation, seed)
         assert choice.law == law, (seed, choice.candidates)
@@ -91,21 +91,21 @@ def test_the_sentence_says_what_was_gained() -> None:
 
 
 def test_the_load_law_needs_a_load() -> None:
-    """Upright and with nothing known from outside there is none; gravity, or a known torque, is one."""
+    """Without gravity or a known external torque no load law is chosen."""
     assert "load" not in chosen_of(equation_rows(PLAIN, noise=white()))
     assert "load" in chosen_of(equation_rows(PLAIN, load=0.5, noise=white()))
     assert "load" in chosen_of(equation_rows(PLAIN | {"gravity_sin": 2.0}, noise=white()), gravity=True)
 
 
 def test_friction_that_would_drive_the_joint_is_not_chosen() -> None:
-    """A slope that takes friction of 0.2 below nothing at the end of the range describes the log, and no joint."""
+    """Rejects a slope that makes friction of 0.2 negative at the end of the range."""
     made = PLAIN | {"coulomb_friction": 0.2, "position_slope": 0.5, "position_curvature": 0.0}
     found = chosen_of(equation_rows(made, noise=white()))["position"]
     assert found.gain > 0.1 and found.verdict == "its friction would drive the joint"
 
 
 def test_the_evidence_of_white_residuals_by_hand() -> None:
-    """It is n ln(SS₀/SS₁) − Δp ln n, all n = 2000 rows being independent; the sums of squares are made here."""
+    """Evidence n ln(SS₀/SS₁) − Δp ln n, all n = 2000 rows being independent; the sums of squares are made here."""
     rows = equation_rows(PLAIN, noise=white(3))
     found = chosen_of(rows)
     up, down = rows.velocity > 0, rows.velocity < 0

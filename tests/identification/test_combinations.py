@@ -1,4 +1,4 @@
-"""What is said where the motor's strength is not known, and what it takes to know it; the truth is simulated."""
+"""Combinations of parameters for a motor of unknown strength, and experiments that separate them; truth simulated."""
 
 from __future__ import annotations
 

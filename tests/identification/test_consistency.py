@@ -1,4 +1,4 @@
-"""Parts of a log against each other, drift, and what a residual remembers: by hand where a hand can do it."""
+"""Consistency of a log's parts, drift, and autocorrelation of a residual, by hand where possible."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ LOGS = count(40, 300)
 """Logs a motor."""
 
 MARGIN = (300 / LOGS) ** 0.5
-"""The binomial spread, which is 1.3 % of 300 logs, over that."""
+"""Binomial spread, 1.3 % for 300 logs, over that."""
 
 FIRST_SEED = 1000
 """The filter's defaults were chosen on seeds below 60; these logs had no part in it."""
@@ -41,7 +41,7 @@ def logged(motor: Motor, seed: int) -> Log:
 
 
 def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Estimate]]:
-    """Return estimator -> what it says of one log; without torque, output error alone, in units of k = 1."""
+    """Return estimator -> estimates on one log; without torque, output error alone, in units of k = 1."""
     log = logged(motor, seed)
     if not torque:
         log = replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
@@ -58,7 +58,7 @@ def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Esti
 @pytest.mark.parametrize("torque", [True, False], ids=["torque", "position_only"])
 @pytest.mark.parametrize("motor", [GO1, SATURN_LITE], ids=lambda motor: motor.name)
 def test_intervals_of_the_stated_estimators_cover_the_truth(motor: Motor, torque: bool) -> None:
-    """Of 300 logs between 90 and 98 % for each parameter; a biased or overconfident estimator falls out of it."""
+    """Coverage of 300 logs is between 90 and 98 % for each parameter."""
     joint = motor.joint
     truth = (joint.inertia, joint.viscous, joint.friction.level, joint.offset)
     hits: dict[str, np.ndarray] = {}

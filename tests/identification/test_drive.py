@@ -1,4 +1,4 @@
-"""A torque column that holds a current, a voltage or a duty: the conversion by hand, and what is refused."""
+"""Torque columns that hold a current, a voltage or a duty: the conversion by hand, and rejections."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_what_is_in_the_viscous_friction_and_what_lacks() -> None:
     ],
 )
 def test_flags_that_cannot_be(flags: dict[str, object], said: str) -> None:
-    """A number without effect, or half of what is needed, is refused and named."""
+    """Rejects a number without effect and an incomplete set, by name."""
     with pytest.raises(ConfigurationError, match=said):
         IdentifySetup(**flags).check()  # type: ignore[arg-type]
 

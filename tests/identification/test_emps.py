@@ -84,7 +84,7 @@ def test_simulation_is_as_good_as_the_published_one(record: JointRecord) -> None
 
 
 def test_intervals_admit_what_the_symmetric_law_lacks(record: JointRecord) -> None:
-    """The published asymmetric fit has viscous friction of 167 and 240: an interval of ±2 N s/m would be a lie."""
+    """The published asymmetric fit has viscous friction of 167 and 240; the interval contains both."""
     low, high = record.viscous_friction.interval95
     assert low < 203.5 < high and high - low > 10 * 1.146
     assert Estimate.from_dict(record.diagnostics["output_error"]["inertia"], "").interval95[0] < 95.1089

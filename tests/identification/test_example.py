@@ -1,4 +1,4 @@
-"""The example logs: what stands between the joint and the log."""
+"""Example logs: the effects between the joint and the log."""
 
 from __future__ import annotations
 

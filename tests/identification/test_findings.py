@@ -1,4 +1,4 @@
-"""What makes a fit invalid: mistakes that people make, and what becomes of a level, of files and of their readers."""
+"""Findings that invalidate a fit: frequent mistakes, and their effect on levels, files and readers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def invalid(*errors: Finding, **fields) -> JointRecord:
     ids=["gravity", "scale", "degrees", "clipped", "joint", "limit"],
 )
 def test_no_level_comes_out_of_a_wrong_flag(mistake, record, reason: str) -> None:
-    """And what to do stands in the place of the answer, in the warnings and in the verdict."""
+    """A wrong flag gives no level; the remedy stands in its place, in the warnings and in the verdict."""
     given = mistake(record())
     found = identify_joint(given.log, setup=given.setup).record
     assert reason in [one.reason for one in found.objections]
@@ -71,7 +71,7 @@ def test_no_level_comes_out_of_a_wrong_flag(mistake, record, reason: str) -> Non
 
 @pytest.mark.parametrize("record", [wrong.motor, wrong.leg, wrong.arm])
 def test_right_flags_have_no_objection(record) -> None:
-    """A gate that is always shut protects nobody."""
+    """Right flags give no objection."""
     given = record()
     found = identify_joint(given.log, setup=given.setup).record
     assert found.objections == () and found.diagnostics["verdict"]["friction_level"] is not None
@@ -79,7 +79,7 @@ def test_right_flags_have_no_objection(record) -> None:
 
 @pytest.mark.parametrize("unstated", [None, "loaded"])
 def test_gravity_is_chosen_by_held_out_error_where_nobody_said(unstated: str | None) -> None:
-    """A link of 2.2 N m is found, and a bare motor gets none; the run says which, and why."""
+    """A link of 2.2 N m is identified, and a bare motor gets none; the run names the choice and its reason."""
     for motor, there in ((LEG, True), (SATURN_LITE, False)):
         log = example_log(motor, SHORT)
         log = replace(log, setup=replace(log.setup, test_condition=unstated))
@@ -100,7 +100,7 @@ def test_torque_follows_position_by_hand() -> None:
 
 
 def test_errors_of_a_record_by_hand() -> None:
-    """Each holds at its bound and not before it, with the number that was seen and what to do."""
+    """Each error appears at its bound and not before, with the value and the remedy."""
     (negative,) = below_zero("viscous_friction", Estimate(-0.2, 0.05, (-0.3, -0.1)), "this log", "look")
     assert negative.reason == "negative_friction" and negative.remedy == "look" and negative.severity == "error"
     assert negative.seen.startswith("viscous_friction comes out below zero (-0.3 to -0.1), which no joint has")
@@ -116,7 +116,7 @@ def test_errors_of_a_record_by_hand() -> None:
 
 
 def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
-    """Training's joints, a policy that is told, a simulator's model: each leaves it out or refuses, and says why."""
+    """Training's joints, a policy that observes friction, and a simulator's model omit or reject an invalid fit."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
     from stiction.task.randomization import identified_joints
 
@@ -155,7 +155,7 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
 
 @pytest.mark.slow
 def test_no_answer_is_confident_and_wrong() -> None:
-    """What is stated is right, or rests on what nothing in the log shows; all cases with STICTION_FULL=1."""
+    """Every estimate is right, or depends on a property that the log does not show; all cases with STICTION_FULL=1."""
     folder = os.environ.get("STICTION_DATA")
     if not folder:
         pytest.skip("the measured records are not here: set STICTION_DATA to a folder with emps and go2")
@@ -176,7 +176,7 @@ def test_no_answer_is_confident_and_wrong() -> None:
     ids=["kt", "R", "hangs", "limb", "limb by voltage"],
 )
 def test_no_level_comes_out_of_a_wrong_motor(right, change, reason: str) -> None:
-    """What the data contradict is an objection first of all, and nothing of it is stated."""
+    """A contradiction in the data is the first objection, and no estimate is stated."""
     for _, _, record in change(right()).identified():
         assert record.objections[0].reason == reason
         assert record.diagnostics["verdict"]["friction_level"] is None
@@ -227,7 +227,7 @@ def altered(time: float = 1.0, **factors: float) -> Log:
     ids=["amperes", "stamps", "degrees"],
 )
 def test_what_contradicts_the_gains_says_which_flag_would_fit(log: Log, said: str) -> None:
-    """The constant between them is known; without gains, which was once the advice, the wrong answer passes."""
+    """The remedy names the flag that fits, and never advises to leave the gains out."""
     remedy = identify_joint(log).record.objections[0].remedy
     assert re.search(said, remedy) and "leave" not in remedy
 
@@ -250,7 +250,7 @@ def exchanged() -> Log:
     ids=["torque", "position", "no gains", "exchanged"],
 )
 def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: bool, said: str) -> None:
-    """Turning the torque round, or fitting gravity, would make an answer of a log whose other columns are wrong."""
+    """A wrong sign or column is named, in place of a fit that turns the torque round."""
     log = log if gains else replace(log, setup=replace(log.setup, kp=None, kd=None))
     with pytest.raises(LogError, match=said) as caught:
         identify_joint(log)

@@ -1,4 +1,4 @@
-"""What a gap in the log may spoil, and what it may not."""
+"""Effects of a gap in the log."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def records() -> dict[str, JointRecord]:
 
 
 def test_newton_metres_are_not_printed(records: dict[str, JointRecord]) -> None:
-    """Positions do not show the scale: null, the combinations instead, and which experiment would tell."""
+    """Positions do not show the scale: null, the combinations, and the experiment that separates them."""
     for record in records.values():
         assert record.inertia is record.viscous_friction is record.coulomb_friction is record.motor_strength is None
         assert {"I/k", "(B + k·kd)/k", "f/k"} <= set(record.combinations)
@@ -38,7 +38,7 @@ def test_newton_metres_are_not_printed(records: dict[str, JointRecord]) -> None:
 
 
 def test_calves_have_well_more_friction_than_hips_and_thighs(records: dict[str, JointRecord]) -> None:
-    """As the record's users report; every interval of a calf lies above every one of the rest."""
+    """Calves have more friction than hips and thighs, as users report; every interval of a calf lies above the rest."""
     ends = {name: record.combinations["f/k"].interval95 for name, record in records.items()}
     lowest_calf = min(low for name, (low, _) in ends.items() if name.endswith("calf"))
     assert lowest_calf > max(high for name, (_, high) in ends.items() if not name.endswith("calf"))

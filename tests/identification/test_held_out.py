@@ -31,7 +31,7 @@ def test_the_last_part_of_a_log_is_predicted_by_its_first() -> None:
 
 
 def test_friction_at_rest_predicts_what_one_friction_does_not() -> None:
-    """A joint that holds 1 N m and brakes with 0.3: Coulomb friction alone misses what was not seen."""
+    """Static friction of 1 N m and 0.3 in motion predict the held-out part; one Coulomb friction does not."""
     predicted = errors(identify_joint(sampled_log(1.0, 0.3)).record)
     assert predicted["chosen"]["closed_loop"] < 0.05 * predicted["coulomb"]["closed_loop"]
 

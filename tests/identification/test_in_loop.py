@@ -1,4 +1,4 @@
-"""Why the loop of a log was not simulated, and that this costs the user no more than it must."""
+"""Reasons for a loop without simulation, and its small cost to the user."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_parameters_that_the_simulation_does_not_tell_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, the user would be told that no joint follows the log, and doubt the gains."""
+    """The message names the parameters without information, not the gains."""
     run = make_run(example_log(), None, IdentifySetup())
     base = fit_rows(run.rows, run.model)
     found = close_loop(run, base)[1].symmetric
@@ -56,7 +56,7 @@ def test_parameters_that_the_simulation_does_not_tell_are_named(monkeypatch: pyt
 
 
 def test_a_simulation_that_cannot_be_done_costs_the_joint_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the symmetric law cannot be simulated, as a richer one, regression stands, and a warning says why."""
+    """Without a simulation, regression stands, with a warning and its reason."""
     monkeypatch.setattr("stiction.identification.closed_loop.simulate", _runs_away)
     record = identify_joint(example_log()).record
     assert record.coulomb_friction is not None and record.diagnostics["output_error"] is None
@@ -81,14 +81,14 @@ def test_a_late_loop_without_friction_runs_away_and_is_no_number() -> None:
 
 
 def test_delays_that_no_joint_has_are_the_users_to_mend() -> None:
-    """A declared delay that would take half of the inertia is refused, with what is allowed, and not passed over."""
+    """Rejects a declared delay that takes half of the inertia, with the allowed range."""
     with pytest.raises(StictionError, match=r"delays 0.50. s: with kd .* expected 0 to"):
         identify_joint(without_torque(example_log()), setup=IdentifySetup(velocity_delay=0.5))
 
 
 @pytest.mark.parametrize(("lacking", "said"), [("kp", "no kp and kd"), ("target", "no target")])
 def test_without_gains_or_target_there_is_no_loop(lacking: str, said: str) -> None:
-    """If this failed, a joint without a known controller would be simulated under another one."""
+    """A joint without a known controller is not simulated."""
     run = make_run(example_log(SATURN_LITE), None, IdentifySetup())
     changes = {"kp": {"setup": replace(run.setup, kp=None)}, "target": {"signals": replace(run.signals, target=None)}}
     with pytest.raises(LoopError, match=said):

@@ -29,7 +29,7 @@ def robot(**joints: JointSignals) -> Log:
 
 
 def stuck() -> JointSignals:
-    """Return the signals of a joint that nobody moved."""
+    """Return the signals of a joint at rest."""
     moving = signals()
     return replace(moving, position=np.zeros_like(moving.position))
 
@@ -41,7 +41,7 @@ def serial(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_several_processes_give_exactly_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every number of every joint the same, the refusal too, and the order that of the log, whoever was done first."""
+    """Every number and rejection is equal, and in the order of the log."""
     log = robot(zeta=signals(1), mid=stuck(), alpha=signals(2, GO1), beta=signals(3))
     results, reported = [], []
     for threads in ("1", "2"):
@@ -61,7 +61,7 @@ def test_several_processes_give_exactly_what_one_gives(monkeypatch: pytest.Monke
 
 @pytest.mark.usefixtures("serial")
 def test_a_refused_joint_says_why_and_stops_nobody() -> None:
-    """Its record is empty but for one warning with the reason."""
+    """The record of a rejected joint has one warning with the reason; the other joints are identified."""
     found, refused = identify_log(robot(hip=stuck(), knee=signals(1)))
     assert list(found) == ["knee"] and list(refused) == ["hip"]
     assert refused["hip"].coulomb_friction is None and len(refused["hip"].warnings) == 1

@@ -56,7 +56,7 @@ def fitted(signals: Uniform, start: dict[str, float], **options: Any) -> OutputE
 
 
 def test_it_finds_the_truth_from_a_poor_start() -> None:
-    """Half and twice the true values are close enough to start from; a local minimum would show here."""
+    """The search converges from half and twice the true values."""
     inertia, viscous, coulomb, offset = TRUTH
     made = simulate(Joint(inertia, viscous, Coulomb(coulomb), offset), GAINS, STEP, TARGET)
     signals = Uniform(TIME, STEP, made.position, made.torque, TARGET, None)

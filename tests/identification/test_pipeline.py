@@ -30,7 +30,7 @@ def scaled(log: Log, **changes) -> Log:
 
 @pytest.mark.parametrize("motor", [GO1, SATURN_LITE], ids=lambda motor: motor.name)
 def test_without_noise_both_estimators_find_the_truth(motor: Motor) -> None:
-    """A bias that noise would hide: regression within 1 % (filter blur), output error within 0.1 %."""
+    """Regression is within 1 % (filter blur), output error within 0.1 %."""
     record = identify_joint(example_log(motor, noise=QUIET)).record
     for name, true in zip(PARAMETERS, truth(motor), strict=True):
         assert getattr(record, name).value == pytest.approx(true, rel=0.01)
@@ -76,7 +76,7 @@ def test_what_is_not_given_is_null_and_warned_of() -> None:
 
 
 def test_friction_beyond_the_torque_limit_is_refused() -> None:
-    """A torque column in N mm would give a friction level of 1000 % and a plan to train at it."""
+    """Rejects friction of 1000 % of the torque limit, as from a torque column in N mm."""
     with pytest.raises(StictionError, match="beyond the torque limit 45"):
         identify_joint(example_log(), setup=IdentifySetup(torque_scale=1000.0))
     text = " ".join(identify_joint(example_log(), setup=IdentifySetup(torque_limit=1.0)).record.warnings)
@@ -98,7 +98,7 @@ def test_friction_beyond_the_torque_limit_is_refused() -> None:
     ids=["no_torque", "output_side", "sign", "kp", "scale", "cutoff", "stuck", "too_few_turns"],
 )
 def test_what_cannot_be_done_is_refused(log: Log, setup: IdentifySetup, said: str) -> None:
-    """A number from such a log would be believed."""
+    """Rejects impossible logs."""
     with pytest.raises(StictionError, match=said) as caught:
         identify_joint(log, setup=setup)
     assert "\n" not in str(caught.value)

@@ -51,7 +51,7 @@ def test_numbers_by_hand() -> None:
 
 
 def test_the_interval_holds_the_mean_of_joints_that_differ_from_run_to_run() -> None:
-    """Friction that varies by 15 % from run to run: scatter within the runs alone would miss the mean mostly."""
+    """With friction that varies by 15 % from run to run, the interval contains the mean."""
     rng, held, missed = np.random.default_rng(0), 0, 0
     trials = count(10, 20)
     for trial in range(trials):

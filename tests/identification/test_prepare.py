@@ -22,7 +22,7 @@ def signals(noise: float = 0.0) -> Uniform:
 
 
 def test_derivatives_have_no_delay_and_the_right_size() -> None:
-    """A delay of one sample would turn 2 % of the inertia's torque into viscous friction."""
+    """Derivatives have no delay: one sample of it makes 2 % of the inertia's torque viscous friction."""
     prepared = prepare(signals(), np.asarray(signals().torque), cutoff=40.0)
     inner = slice(100, -100)
     np.testing.assert_allclose(prepared.velocity[inner], RATE * np.cos(RATE * TIME)[inner], atol=3e-3 * RATE)
@@ -41,7 +41,7 @@ def test_samples_near_reversals_are_left_out() -> None:
 
 
 def test_more_noise_lowers_the_corner() -> None:
-    """Clean signals keep a quarter of the rate; at 1e-3 rad the acceleration would drown there."""
+    """Clean signals keep a quarter of the rate; noise of 1e-3 rad lowers the corner."""
     assert choose_cutoff(signals().position, STEP, 0.0) == pytest.approx(125.0)
     corners = [choose_cutoff(signals(noise).position, STEP, noise) for noise in (1e-4, 1e-3, 1e-2)]
     assert 125 > corners[0] > corners[1] > corners[2] > 5
@@ -49,7 +49,7 @@ def test_more_noise_lowers_the_corner() -> None:
 
 @pytest.mark.parametrize("cutoff", [5.0, 20.0, 100.0])
 def test_the_filter_is_the_usual_one_and_its_ends_reach_no_sample_that_counts(cutoff: float) -> None:
-    """As Butterworth forward and backward by SciPy, two periods of the corner from the ends, to a millionth."""
+    """The filter equals SciPy's Butterworth, both ways, to a millionth from two periods of the corner off the ends."""
     time = np.arange(5000) / 500
     signal = 0.5 * np.sin(2.5 * time + 1) + 0.2 * np.sin(8.0 * time) + 0.1 * time
     usual = sosfiltfilt(butter(4, 2 * cutoff / 500, output="sos"), signal, padlen=2000)

@@ -1,4 +1,4 @@
-"""What is proposed for a whole robot."""
+"""Proposal for a whole robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens between the samples of a log: held targets, late loops, torque that is logged late or early."""
+"""Signals between the samples of a log: held targets, late loops, torque logged late or early."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check(record: JointRecord, viscous: float = 0.03) -> None:
 @pytest.mark.parametrize("torque", [True, False], ids=["torque", "positions"])
 @pytest.mark.parametrize("rate", [50, 100])
 def test_a_target_that_is_held_between_samples_is_read_so(rate: int, torque: bool) -> None:
-    """As straight lines the viscous friction would be off by half and more."""
+    """A held target is read as held; straight lines shift viscous friction by half and more."""
     record = identify_joint(sampled_log(0.3, 0.3, rate=rate, held=True, torque=torque)).record
     assert record.diagnostics["reading"]["held"]
     check(record)
@@ -42,7 +42,7 @@ def test_a_target_that_moves_between_samples_is_read_straight(rate: int) -> None
 
 @pytest.mark.parametrize("lag", [0.008, -0.005])
 def test_torque_that_is_logged_late_or_early_misleads_nobody(lag: float) -> None:
-    """Regression on that torque is off by more than its intervals; the loop tells when it acted."""
+    """The fit finds the delay of the torque, where regression alone is off by more than its intervals."""
     record = identify_joint(sampled_log(0.3, 0.3, lag=lag)).record
     assert record.diagnostics["reading"]["torque_lag"] == pytest.approx(lag, abs=1e-3)
     check(record)

@@ -1,4 +1,4 @@
-"""What ends up in the record: unknowns of the loop, the law, and the warnings that the evidence calls for."""
+"""Contents of a record: unknowns of the loop, the law, and warnings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def late_log(delay: float) -> Log:
 
 
 def freed(log: Log) -> Log:
-    """Return the log without gains: only the torque equation holds what it says."""
+    """Return the log without gains: only the torque equation applies."""
     return replace(log, setup=replace(log.setup, kp=None, kd=None))
 
 
@@ -61,7 +61,7 @@ def with_more_friction(share: np.ndarray, seed: int = 0) -> Log:
 
 @pytest.mark.parametrize(("bias", "hanging"), [(0.1, 0.0), (-0.2, 0.5), (0.3, 3.0), (-0.1, -3.1)])
 def test_gravity_tells_the_encoders_bias(bias: float, hanging: float) -> None:
-    """Rows without noise: what stands under the phase of gravity is bias and hanging angle, also beyond ±π."""
+    """Gravity's phase in noiseless rows is the sum of bias and hanging angle, also beyond ±π."""
     phase = bias + hanging
     weight = {"gravity_sin": 2.2 * np.cos(phase), "gravity_cos": -2.2 * np.sin(phase)}
     fit = fit_rows(equation_rows(PLAIN | weight), Model(gravity=True))
@@ -98,7 +98,7 @@ def test_a_log_whose_angle_is_ahead_of_the_controllers(bias: float) -> None:
 
 @pytest.mark.parametrize("measured", [True, False], ids=["torque", "positions"])
 def test_a_late_controller_is_found_and_frees_friction_of_it(measured: bool) -> None:
-    """4 ms late: found within 5 % without being asked for; unseen it would take a quarter off the viscous friction."""
+    """A delay of 4 ms is found within 5 % without a flag."""
     log = late_log(0.004) if measured else without_torque(late_log(0.004))
     record = identify_joint(log).record
     assert record.delay is not None and record.delay.value == pytest.approx(0.004, rel=0.05)

@@ -75,7 +75,7 @@ def test_the_jacobian_is_the_derivative_of_the_torque(law: Law) -> None:
 
 
 def test_a_payload_of_a_calibrated_log_is_taken_off() -> None:
-    """Where torque is in N m the payload's share is known, and the inertia is the joint's own."""
+    """With torque in N m the payload's share is known, and the inertia is the joint's own."""
     fit = fit_rows(equation_rows(COMMON, payload=PAYLOAD), Model())
     assert fit.values == pytest.approx(list(COMMON.values()), rel=1e-6)
 
@@ -83,7 +83,7 @@ def test_a_payload_of_a_calibrated_log_is_taken_off() -> None:
 @pytest.mark.parametrize("unknown", [False, True], ids=["known", "unknown"])
 @pytest.mark.parametrize("law", FITTED)
 def test_unseen_rows_are_predicted(law: Law, unknown: bool) -> None:
-    """Fitted to the first half, payload included, it says what the second half needs."""
+    """A fit of the first half, payload included, predicts the torque of the second half."""
     rows = equation_rows(truth(law, False), strength=0.8 if unknown else 1.0, payload=PAYLOAD, middle=MIDDLE)
     seen, unseen = rows.take(rows.time < 10), rows.take(rows.time >= 10)
     fit = fit_rows(seen, Model(law, False, MIDDLE), unknown)

@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
-from stiction.identification.checks import moving_beside
+from stiction.identification.checks import other_moving_joints
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.findings import repeat_lines
 from stiction.identification.pipeline import identify_joint, identify_log
@@ -78,7 +78,7 @@ def _followed(target: np.ndarray) -> Log:
 
 
 def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
-    """Of a walk it was said that the excitation is too poor; what is wrong is that everything else moves too."""
+    """The message names the other moving joints, not poor excitation."""
     time = np.arange(0, 20, 0.002)
     rng = np.random.default_rng(0)
     position = 0.25 * np.abs((time % 2.0) - 1.0) + 1e-7 * rng.standard_normal(len(time))
@@ -86,7 +86,7 @@ def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
     poor = JointSignals(position=position, torque=torque)
     hip, rod = JointSignals(position=2 * position), JointSignals(position=0 * time)
     log = Log("walk", time, {"knee": poor, "hip": hip, "rod": rod})
-    assert moving_beside(log, "knee") == ("hip",)
+    assert other_moving_joints(log, "knee") == ("hip",)
     with pytest.raises(LogError, match=r"walk: joint 'knee': .*: other joints move in this log \(hip\)") as caught:
         identify_log(log, joints=("knee",), workers=1)
     assert "excitation too poor" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Joints that need more torque to start than to keep moving: judged by what holds them at rest."""
+"""Joints with more friction at rest than in motion, judged by their torque at rest."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def test_a_simulator_gets_friction_in_motion_and_says_so() -> None:
 
 
 def test_a_simulator_gets_friction_at_rest_where_that_is_asked_for() -> None:
-    """One number, that at rest, and a note on what brakes the real joint; a joint with one friction keeps it."""
+    """A simulator gets friction at rest alone, and a note on that in motion; a joint with one friction keeps it."""
     found = joint_physics("shank", held(2.4, 0.1), which="static")
     assert found.friction == pytest.approx(2.4)
     notes = " ".join(urdf_snippet([found]).notes)

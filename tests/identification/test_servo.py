@@ -19,7 +19,7 @@ MOTOR = {"duty_voltage": 12.0, "kt": 1.5, "resistance": 4.0}
 
 
 def said(record: JointRecord, words: str) -> bool:
-    """Whether a warning has these words."""
+    """Return True if a warning contains these words."""
     return any(words in text for text in record.warnings)
 
 
@@ -88,7 +88,7 @@ def test_a_pendulum_at_three_masses_is_one_fit() -> None:
 
 
 def test_a_weight_that_contradicts_kt_and_r_is_an_objection() -> None:
-    """1 kg declared of 0.5: torque would be twice what kt and R say; and where both agree there is none."""
+    """A declared weight of 1 kg for 0.5 kg contradicts kt and R and is an objection; a right one is none."""
     wrong = IdentifySetup(**MOTOR, pendulum_mass=1.0, pendulum_length=0.2, pendulum_angle=HANGS)
     record = identify_joint(SERVO.log(mass=0.5), setup=wrong).record
     assert record.objections[0].reason == "pendulum_weight" and "2 times" in record.objections[0].seen

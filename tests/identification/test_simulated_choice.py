@@ -69,7 +69,7 @@ def test_plain_friction_needs_no_law() -> None:
 
 
 def test_more_friction_at_rest_is_found_at_once() -> None:
-    """2.4 at rest and 0.1 in motion: both are right, and what is proposed is decided at rest."""
+    """With 2.4 at rest and 0.1 in motion both are identified, and the proposal follows the one at rest."""
     record = identify_joint(sampled_log(2.4, 0.1)).record
     static, moving = record.static_friction, record.coulomb_friction
     assert isinstance(static, Estimate) and static.interval95[0] <= 2.4 <= static.interval95[1]

@@ -73,7 +73,7 @@ def test_a_phase_that_gravity_does_not_tell_is_not_stated() -> None:
 
 
 def test_swings_and_limbs_whose_columns_are_alike_are_refused() -> None:
-    """Alike but for rounding: LAPACK alone would return values of 1e9."""
+    """Rejects columns that are equal but for rounding, for which LAPACK alone returns values of 1e9."""
     nearly = ALIKE + 3e-8 * np.cos(np.arange(80.0).reshape(40, 2))
     with pytest.raises(np.linalg.LinAlgError):
         fit_blocks(("one", "other"), nearly, np.ones(40), np.repeat(np.arange(4), 10))

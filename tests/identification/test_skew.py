@@ -47,7 +47,7 @@ def test_intervals_admit_what_early_torque_does_to_viscous_friction() -> None:
 
 
 def test_torque_in_time_is_not_disputed() -> None:
-    """The column of the torque's rate must not widen what needs no widening: at most one of ten logs."""
+    """Torque in time is disputed in at most one of ten logs."""
     disputed = 0
     for seed in range(10):
         run = make_run(example_log(seed=seed), None, IdentifySetup())

@@ -1,4 +1,4 @@
-"""Stamps as they come: what is found out about them, and how signals get onto an even grid."""
+"""Stamps of a log: their faults, and the resampling of signals on an even grid."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_jitter_is_measured_and_taken_out(share: float) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_missing_samples_are_counted_exactly_in_spite_of_jitter(seed: int) -> None:
-    """Counting interval by interval would take a late stamp for a missing sample."""
+    """Missing samples are counted exactly; a late stamp is none."""
     rng = np.random.default_rng(seed)
     count, step = int(rng.integers(300, 20000)), 10 ** rng.uniform(-4, -1.5)
     stamps = step * (np.arange(count) + rng.uniform(0, 0.2) * rng.standard_normal(count))
@@ -58,7 +58,7 @@ def test_missing_samples_are_counted_exactly_in_spite_of_jitter(seed: int) -> No
 
 
 def test_interpolation_is_of_fourth_order() -> None:
-    """Half the step, a sixteenth of the error: straight lines would give a quarter."""
+    """Half the step has a sixteenth of the error."""
     errors = []
     for step in (0.01, 0.005):
         time = np.arange(0, 4, step)
@@ -96,7 +96,7 @@ def test_short_gaps_are_interpolated_and_long_ones_marked() -> None:
 
 
 def test_commands_in_stairs_stay_stairs() -> None:
-    """A command at 50 Hz in a log at 200 Hz must keep its steps: a spline would ring by a tenth of each."""
+    """A command at 50 Hz in a log at 200 Hz keeps its steps."""
     stairs = np.repeat(np.sin(np.arange(250)), 4)
     grid, _ = even_grid("x", jittered(0.05))
     held = resample(grid, stairs, command=True)
@@ -115,7 +115,7 @@ def test_commands_in_stairs_stay_stairs() -> None:
     ],
 )
 def test_hopeless_stamps_are_refused(stamps: np.ndarray, said: str) -> None:
-    """One line that says what is wrong with the time, and what to do."""
+    """Rejects hopeless stamps in one line, with the remedy."""
     with pytest.raises(LogError, match=said) as caught:
         even_grid("x.csv", stamps)
     assert "\n" not in str(caught.value)
@@ -133,7 +133,7 @@ def test_hopeless_stamps_are_refused(stamps: np.ndarray, said: str) -> None:
     ],
 )
 def test_odd_stamps_are_used_and_said(stamps: np.ndarray, points: int, said: str) -> None:
-    """Gives a grid of as many points as the samples take, a pause counted as one second, and says what was done."""
+    """The grid has as many points as the samples take, a pause of one second at most, and a warning."""
     grid, timing = even_grid("x.csv", stamps)
     assert len(grid.times) == points and re.search(said, " ".join(timing.warnings()))
     assert grid.step == pytest.approx(STEP, rel=1e-3) and (np.diff(grid.stamps) > 0).all()

@@ -1,4 +1,4 @@
-"""What is said about friction, in words that do not claim more than is known."""
+"""Verdicts on friction, within what is known."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_level_has_a_margin_unless_the_joint_was_loaded() -> None:
 
 
 def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end() -> None:
-    """Nobody can do anything with a motor that loses -0.4 % of its torque; 0.6 % is what it may lose."""
+    """A joint with an estimate of -0.4 % of its torque has at most its upper end, 0.6 %."""
     faint, band = Estimate(-0.004, 0.005, (-0.014, 0.006)), Estimate(-1e-4, 1e-4, (-3e-4, 1e-4))
     told = judge(
         JointRecord(
@@ -184,7 +184,7 @@ def test_whether_it_matters_is_one_word_and_the_number_that_decides(
 
 
 def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
-    """First what to do, then why; neither level nor training, however certain the interval looks."""
+    """The remedy comes first, then the reason; neither level nor training, however narrow the interval."""
     objection = Finding("follows_position", "the torque follows the position", "--gravity True")
     record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.2), test_condition="loaded", **LIMIT)
     told = judge(replace(record, findings=(objection, replace(objection, seen="and so on"))))

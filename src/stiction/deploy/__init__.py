@@ -1,1 +1,1 @@
-"""What runs on the robot: bundle checks, observation builder, policy. No torch, no simulator."""
+"""Code that runs on the robot: bundle checks, observation builder, policy. No torch, no simulator."""

@@ -1,4 +1,4 @@
-"""Checks a policy bundle as a robot's computer can: with onnxruntime and NumPy alone."""
+"""Checks of a policy bundle with onnxruntime and NumPy alone, as a robot's computer can run them."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from stiction.robots.named import check_named
 
 
 def check_robot(contract: Contract) -> None:
-    """Reject a robot that no machine can be, or that has a shipped one's name and other numbers.
+    """Reject a robot that no machine can be, or one with a shipped one's name and other numbers.
 
-    A bundle without a robot of its own means the shipped one of its name, and has its joints. Raises `StictionError`
+    A bundle without a robot means the shipped one of its name, and has its joints. Raises `StictionError`
     naming the first field that is wrong.
     """
     robot = contract.anatomy
@@ -42,7 +42,7 @@ def check_robot(contract: Contract) -> None:
             return
         names = {name: name for name in (*ALIKE, "lower", "upper")} | {"default_position": "standing"}
         names |= {} if contract.joints_file else {"armature": "armature", "damping": "damping"}
-        values: dict[str, list[float]] = {name: contract.array(own).tolist() for name, own in names.items()}
+        values: dict[str, list[float]] = {name: contract.array(field).tolist() for name, field in names.items()}
         values["action_scale"] = np.broadcast_to(contract.scale, contract.num_joints).tolist()
         robot = robot_of(contract)
         joints = [
@@ -65,18 +65,18 @@ OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_frict
 DIGEST = re.compile("[0-9a-fA-F]{64}")
 
 LARGEST_LIST = 2**20
-"""Bytes of a list of digests that are read: over ten thousand bundles."""
+"""Largest list of digests [B]: over ten thousand bundles."""
 
 TOLERANCE = 1e-5
 """Largest difference between the recording and the replay, in units of observation and action and in rad."""
 
 MOST_WORK = 10**10
-"""Multiplications that a replay may take: some 5 s of one core. Those of our bundles take 3e8."""
+"""Most multiplications of a replay: some 5 s of one core. Those of our bundles take 3e8."""
 
 
 @dataclass(frozen=True)
 class BundleCheck:
-    """A bundle that passed every check."""
+    """Result of checking a bundle that passed."""
 
     bundle: Bundle
     steps: int
@@ -87,12 +87,12 @@ class BundleCheck:
     target_error: float
     """Largest difference of the joint target [rad]."""
     signer: str | None = None
-    """Fingerprint of the key that was named and whose signature the bundle has; None where none was named."""
+    """Fingerprint of the named key whose signature the bundle has; None where no key was named."""
 
     def summary(self) -> dict:
-        """Return plain data for `--json`; `wear`: what the wear monitor estimates the friction of: joints, `level`;
-        `signed`: whether there is a signature, `signer`: whose it is, where a key was named; `exercised`: what the
-        recording shows of the contract's limits.
+        """Return plain data for `--json`; `wear`: estimates of the wear monitor, joints and `level`; `signed`: True if
+        signed, `signer`: its key, where one was named; `exercised`: limits of the contract that the recording
+        exercises.
         """
         contract, wear = self.bundle.contract, self.bundle.wear
         return {
@@ -123,27 +123,25 @@ def write_checked(
 def check_bundle(
     path: Path | str, digest: str | None = None, key: Path | None = None, allowed: Collection[str] | None = None
 ) -> BundleCheck:
-    """Read a bundle, load its network and replay its golden vectors; return what was found.
+    """Read a bundle, load its network and replay its golden vectors; return the result of all checks.
 
-    digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it; key: public key of the
+    digest: required `Bundle.digest`, 64 hexadecimal digits, as its maker published it; key: public key of the
     maker, a PEM file, whose signature the bundle has to have; allowed: digests of which it has to have one, as from
-    `read_allowed`; None: any. Raises `StictionError`: the first thing that is wrong: files, checksums, digest or
+    `read_allowed`; None: any. Raises `StictionError` for the first fault: files, checksums, digest or
     signature, before anything is interpreted; then contract, network, or the replay.
     """
     signers: list[str] = []
 
     def vouch(sums: bytes, signature: bytes | None) -> None:
-        found = hashlib.sha256(sums).hexdigest()
+        actual = hashlib.sha256(sums).hexdigest()
         if digest is not None and DIGEST.fullmatch(digest) is None:
-            raise ConfigurationError(
-                f"the digest {digest[:80]!r} is none; expected 64 hexadecimal digits, as verify prints"
-            )
-        if digest is not None and found != digest.lower():
+            raise ConfigurationError(f"digest: got {digest[:80]!r}, expected 64 hexadecimal digits, as verify prints")
+        if digest is not None and actual != digest.lower():
             raise BundleError(
-                f"{path}: its digest is {found}, not {digest.lower()}: it is another bundle; do not use it"
+                f"{path}: its digest is {actual}, not {digest.lower()}: it is another bundle; do not use it"
             )
-        if allowed is not None and found not in allowed:
-            raise BundleError(f"{path}: its digest {found} is not among the {len(allowed)} that are allowed; do not "
+        if allowed is not None and actual not in allowed:
+            raise BundleError(f"{path}: its digest {actual} is not among the {len(allowed)} that are allowed; do not "
                               "run it, or add it to the list")  # fmt: skip
         if key is not None:
             signers.append(check_signature(sums, signature, key))
@@ -180,7 +178,7 @@ def _first_load(path: Path | str, bundle: Bundle, observations: np.ndarray) -> P
     first_run(bundle.policy, observations)
     policy = load_policy(contract, bundle.policy)
     if bundle.wear is not None:
-        # Made for what it refuses: a map of other joints or of another layout.
+        # Made for its checks: it rejects a map of other joints or of another layout.
         WearMonitor(contract, bundle.wear)
     return policy
 
@@ -189,8 +187,8 @@ def check_for_simulation(path: Path | str, key: Path | None = None) -> Bundle:
     """Check a bundle, or a policy record, whose policy shall walk in simulation; return it.
 
     key: public key of the maker, a PEM file, whose signature it has to have; None: any. A bundle is
-    checked as `check_bundle` does. A record is checked but for the replay: its network is run on zeros.
-    Tell the user `record_notes`. Raises `StictionError`: see `check_bundle`.
+    checked as `check_bundle` does. A record is checked without the replay: its network is run on zeros.
+    Report `record_notes` to the user. Raises `StictionError`: see `check_bundle`.
     """
     if (Path(path) / GOLDEN).exists():
         return check_bundle(path, key=key).bundle
@@ -219,21 +217,21 @@ def record_notes(bundles: Iterable[Bundle]) -> list[str]:
 
 
 def read_allowed(path: Path) -> frozenset[str]:
-    """Return the digests of bundles that a list allows: a text file, one of them a line, `#` before comments.
+    """Return the digests of allowed bundles from a list: a text file, one of them a line, `#` before comments.
 
-    Raises `FileError`: it cannot be read, is too large, or a line is no digest.
+    Raises `FileError`: it cannot be read, is too large, or a line is not a digest.
     """
     content = read_bounded(path, "a list of digests", FileError, LARGEST_LIST)
-    found = set()
+    digests = set()
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
         if digest := line.partition("#")[0].strip():
             if DIGEST.fullmatch(digest) is None:
                 raise FileError(
-                    f"{path}, line {number}: {digest[:80]!r} is no digest; expected 64 hexadecimal digits, as verify "
+                    f"{path}, line {number}: got {digest[:80]!r}, expected 64 hexadecimal digits, as verify "
                     "prints, and comments behind #"
                 )
-            found.add(digest.lower())
-    return frozenset(found)
+            digests.add(digest.lower())
+    return frozenset(digests)
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

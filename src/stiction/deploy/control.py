@@ -1,4 +1,4 @@
-"""The one control step: sensors and command in, joint command out, for one robot or a batch.
+"""Control step, the only one: sensors and command in, joint command out, for one robot or a batch.
 
     sensors ─▶ observation ─▶ policy ─▶ slew, range ─▶ torque ─▶ friction fed forward ─▶ joint command
     command ─▶ correction ─┘   └─ velocity ─▶ correction of the next step
@@ -29,10 +29,10 @@ from stiction.joints.compensation import BY_ERROR, Compensation, FrictionControl
 
 FREE, SLEW, RANGE, TORQUE = 0, 1, 2, 3
 LIMITED_BY = ("", "slew", "range", "torque")
-"""What limited a joint's target, the last rule that changed it, by its code in the log."""
+"""Rule that limited a joint's target, the last one that changed it, by its code in the log."""
 
 LEAST_CHANGE = 1e-9
-"""Change of a target that counts as one [rad]: of two limiters in a row, whose clocks round differently, one acts."""
+"""Least change of a target that counts [rad]: of two limiters in a row, whose clocks round differently, one acts."""
 
 
 @dataclass(frozen=True)
@@ -40,23 +40,23 @@ class JointCommand:
     """Input of the motor controllers until the next command arrives. Arrays have shape (*batch, J), gains (J,)."""
 
     target: np.ndarray
-    """a [rad]."""
+    """Target a [rad]."""
     kp: np.ndarray
-    """[N m/rad]."""
+    """Proportional gains [N m/rad]."""
     kd: np.ndarray
-    """[N m s/rad]; the target's velocity is taken as zero."""
+    """Derivative gains [N m s/rad]; the target's velocity is taken as zero."""
     forward: np.ndarray
-    """Torque that is added to what the gains ask for, τ_ff [N m]."""
+    """Feed-forward torque in addition to that of the gains, τ_ff [N m]."""
 
     @classmethod
     def position(cls, target: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> JointCommand:
-        """Return targets and gains without any torque beside them."""
+        """Return targets and gains without any feed-forward torque."""
         return cls(target, kp, kd, np.zeros_like(target))
 
     def against_friction(
         self, position: np.ndarray, velocity: np.ndarray, forward: FrictionController | None
     ) -> JointCommand:
-        """Return it with the friction that is fed forward at a measured angle [rad] and speed [rad/s]."""
+        """Return the command with friction fed forward at a measured angle [rad] and speed [rad/s]."""
         if forward is None:
             return self
         asked = self.kp * (self.target - position) - self.kd * velocity
@@ -65,22 +65,22 @@ class JointCommand:
 
 @dataclass(frozen=True)
 class Limited:
-    """Targets as they go out. Arrays have shape (*batch, J)."""
+    """Targets that go out. Arrays have shape (*batch, J)."""
 
     target: np.ndarray
-    """[rad]."""
+    """Limited targets [rad]."""
     by: np.ndarray
-    """Code of what limited each joint, int, see `LIMITED_BY`."""
+    """Code of the rule that limited each joint, int, see `LIMITED_BY`."""
 
 
 class Limits:
-    """Slew, range and torque limits of one robot or a batch; holds what was let through last."""
+    """Slew, range and torque limits of one robot or a batch; holds the last targets that it passed."""
 
     def __init__(self, contract: Contract, slew: float, margin: float, kp: np.ndarray, kd: np.ndarray) -> None:
-        """Take the joints' limits from the contract, and begin in the standing pose.
+        """Take the joints' limits from the contract, and start in the standing pose.
 
-        slew: [rad/s]; margin: [rad]; kp, kd: of the run [N m/rad, N m s/rad], shape (J,). Raises `ConfigurationError`:
-        the margin leaves a joint no room.
+        slew: [rad/s]; margin: [rad]; kp, kd: gains of the run [N m/rad, N m s/rad], shape (J,). Raises
+        `ConfigurationError`: the margin leaves a joint no room.
         """
         self._slew, self._limit, self._kp, self._kd = slew, contract.array("torque_limit"), kp, kd
         self._lower, self._upper = contract.array("lower") + margin, contract.array("upper") - margin
@@ -90,14 +90,14 @@ class Limits:
             raise ConfigurationError(f"a margin of {margin} rad leaves {joint} no room between its limits")
 
     def begin(self, position: np.ndarray, mask: np.ndarray | None = None) -> None:
-        """Begin anew from targets [rad], shape (J,), of the robots in `mask` (bool, the batch's shape), or of all."""
+        """Start again from targets [rad], (J,), for the robots in `mask` (bool, the batch's shape), or for all."""
         position = np.array(position, dtype=np.float64)
         self._last = position if mask is None else np.where(mask[..., None], position, self._last)
 
     def step(self, requested: np.ndarray, elapsed: float) -> Limited:
-        """Return what may be asked for, by slew and range; what of it the torque allows, `apply_torque` says.
+        """Return the targets allowed by slew and range; `apply_torque` then applies the torque's limit.
 
-        requested: finite [rad], shape (*batch, J); elapsed: since what was asked for changed last [s].
+        requested: finite [rad], shape (*batch, J); elapsed: time since the last change of the request [s].
         """
         most = self._slew * max(elapsed, 0.0)
         slow = np.clip(requested, self._last - most, self._last + most)
@@ -113,9 +113,9 @@ class Limits:
         """Return targets whose torque is within the motors' limits at a measured angle [rad] and velocity [rad/s]."""
         torque = self._kp * (limited.target - position) - self._kd * velocity
         within = np.clip(torque, -self._limit, self._limit)
-        # What is within stays as it is: the way to the torque and back would round it.
+        # A torque within the limit stays as it is: the way to the torque and back would round it.
         target = np.where(within == torque, limited.target, position + (within + self._kd * velocity) / self._kp)
-        # A joint that is thrown far behind its limit must not be asked to go on.
+        # A joint that is thrown far behind its limit must not be commanded to go on.
         inside = np.clip(target, self._lower, self._upper)
         return Limited(inside, np.where(np.abs(inside - limited.target) > LEAST_CHANGE, TORQUE, limited.by))
 
@@ -126,9 +126,9 @@ class CommandCorrection:
         u ← clip(u + T/T_i (c − v), ±(share |c| + least)),    the policy gets c + u
 
     with the control period T, the time T_i, the command c and the velocity v: the policy's own estimate of the base's
-    forward and sideways velocity, and the measured yaw rate. A policy that is slower than told, as with more friction
-    in its joints than it makes up for, is told more, until the mean over a stride is what was asked for. While standing
-    is commanded there is no correction.
+    forward and sideways velocity, and the measured yaw rate. A policy that is slower than commanded, as with more
+    friction than it makes up for, gets a larger command, until the mean over a stride is the commanded one. While
+    standing is commanded there is no correction.
     """
 
     def __init__(self, time: float, share: float, least: float, period: float) -> None:
@@ -145,7 +145,7 @@ class CommandCorrection:
         return command + self._within(self._value, command)
 
     def step(self, command: np.ndarray, velocity: np.ndarray) -> None:
-        """Go on by one control period at a velocity: forward, sideways [m/s], turn [rad/s], shape (*batch, 3)."""
+        """Advance by one control period at a velocity: forward, sideways [m/s], turn [rad/s], shape (*batch, 3)."""
         self._value = self._within(self._value + self._rate * (command - velocity), command)
 
     def _within(self, value: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -154,11 +154,11 @@ class CommandCorrection:
 
 
 class Driver(Protocol):
-    """Turns sensors into joint targets: `Policy`, its twin in torch, or a function."""
+    """Interface from sensors to joint targets: `Policy`, its twin in torch, or a function."""
 
     @property
     def reset(self) -> Callable[..., None]:
-        """Called with nothing, or of a batch with a mask (bool, (N,)): forgets the history and the last action."""
+        """Reset function without arguments, or with a mask (bool, (N,)) for a batch; forgets history and action."""
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
         """Advance by one control period under commanded velocities, shape (*batch, 3); see `Policy.step`."""
@@ -168,10 +168,10 @@ class ControlLoop:
     """One policy on one robot, or on a batch: `act` once in a control period, `command` at every reading."""
 
     def __init__(self, policy: Driver, contract: Contract, forward: FrictionController | None = None) -> None:
-        """Begin in the standing pose.
+        """Start in the standing pose.
 
-        forward: what is added against friction; its period is that between two calls of `command`. Raises
-        `StictionError`: the policy compensates friction itself, or the contract's margin leaves a joint no room.
+        forward: controller of the friction that is fed forward; its period is that between two calls of `command`.
+        Raises `StictionError`: the policy compensates friction itself, or the contract's margin leaves a joint no room.
         """
         if forward is not None and contract.compensation is not None:
             raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
@@ -186,9 +186,9 @@ class ControlLoop:
         )
         standing = contract.array("standing")
         self.requested = standing
-        """Targets that the policy asked for last [rad], shape (*batch, J)."""
+        """Last targets that the policy asked for [rad], shape (*batch, J)."""
         self.limited = Limited(standing, np.full(len(standing), FREE))
-        """What of them slew and range let through."""
+        """Last targets within slew and range."""
 
     @property
     def holds(self) -> bool:
@@ -224,7 +224,7 @@ class ControlLoop:
         return replace(step, target=self.limited.target)
 
     def command(self, position: np.ndarray, velocity: np.ndarray) -> JointCommand:
-        """Return what the joint controllers get at a measured angle [rad] and velocity [rad/s], shape (*batch, J)."""
+        """Return the command at a measured angle [rad] and velocity [rad/s], shape (*batch, J)."""
         limited = self.limited
         if self._limits is not None:
             limited = self._limits.apply_torque(limited, position, velocity)
@@ -244,11 +244,11 @@ class Reading:
     joint_torque: np.ndarray
     """Motor currents times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     foot_contact: np.ndarray
-    """Whether each foot bears load, bool, shape (L,)."""
+    """True if a foot bears load, bool, shape (L,)."""
 
 
 class Port(Protocol):
-    """A robot, as a computer on it sees it."""
+    """Robot as a computer on it sees it."""
 
     joint_names: tuple[str, ...]
     """Order of every vector over joints."""
@@ -256,10 +256,10 @@ class Port(Protocol):
     """Time between two readings [s]."""
 
     def read(self) -> Reading:
-        """Return what came last; no time passes."""
+        """Return the last reading; no time passes."""
 
     def exchange(self, command: JointCommand) -> Reading:
-        """Send a command, wait for one period, and return what has come by then."""
+        """Send a command, wait for one period, and return the reading of that time."""
 
 
 class DrivingPolicy(Driver, Protocol):
@@ -267,15 +267,15 @@ class DrivingPolicy(Driver, Protocol):
 
     @property
     def contract(self) -> Contract:
-        """What it expects."""
+        """Contract of the policy."""
 
 
 @dataclass(frozen=True)
 class ControlStep:
-    """What happened in one control period."""
+    """Inputs and outputs of one control period."""
 
     velocity: np.ndarray
-    """Commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+    """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (3,)."""
     before: Reading
     policy: PolicyStep
     readings: tuple[Reading, ...]
@@ -295,8 +295,8 @@ class Pilot:
     ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
-        friction: f that is fed forward at every reading [N m], shape (J,), or None; compensation: how; load: c that is
-        fed beside f, friction per torque that the gains ask for [1], shape (J,); not read by the error. Raises
+        friction: f that is fed forward at every reading [N m], shape (J,), or None; compensation: its method; load: c
+        that is fed besides f, friction per torque of the gains [1], shape (J,); not read by the error. Raises
         `StictionError`: the robot's joints are not the policy's, its readings do not fit the control period, the policy
         compensates friction itself, or the compensation is that of the motors.
         """
@@ -332,7 +332,7 @@ class Pilot:
         """
         before = self._port.read()
         step = self._loop.act(before.sensors, velocity)
-        # Noise that is put before the policy alone, and so is in `before`, is not in the joint controllers.
+        # Noise that only the policy gets, and that is so in `before`, is not in the joint controllers.
         self._seen, readings = self._seen or before, []
         for _ in range(self._readings):
             joints = self._seen.sensors

@@ -1,7 +1,7 @@
-"""Runs a network for the first time: in a process of its own, with little memory and time, which may fail.
+"""First run of a network: in a process of its own, with little memory and time, which may fail.
 
-What a network will compute is bounded beforehand (`operators`). What onnxruntime makes of it is not ours to promise; so
-a robot, and whoever evaluates, meets a network only after it has run on recorded observations somewhere else.
+The work of a network is bounded beforehand (`operators`). The behaviour of onnxruntime is not ours to promise; so a
+robot, and an evaluation, runs a network only after it has run on recorded observations in another process.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from stiction.core.isolation import run_isolated
 from stiction.core.memory import address_space, bound
 
 MEMORY = 384 * 2**20
-"""Address space that loading and running may take, beyond what Python and onnxruntime have then [B]."""
+"""Address space for loading and running, beyond that of Python and onnxruntime at that time [B]."""
 
 SECONDS = 8
 """Processor time of the whole process [s]; starting Python and onnxruntime takes some 0.4 s of it."""
 
 PATIENCE = 120.0
-"""Longest that it may take on a machine that is busy with other things [s]."""
+"""Longest time on a machine that is busy with other things [s]."""
 
 STEPS = 32
 
 _passed: set[bytes] = set()
-"""Digests of networks that ran, with what they ran on, in this process."""
+"""Digests of networks that ran, with their observations, in this process."""
 
 
 def first_run(model: bytes, observations: np.ndarray) -> None:
@@ -52,8 +52,8 @@ def first_run(model: bytes, observations: np.ndarray) -> None:
         why = error.strerror or error
         raise PolicyError(f"no process can be started for the network's first run: {why}") from error
     if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        why = said[-1][:200] if said else f"it ended with status {done.returncode}"
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        why = lines[-1][:200] if lines else f"it ended with status {done.returncode}"
         raise BundleError(
             f"policy.onnx did not run within {MEMORY >> 20} MB and {SECONDS} s ({why}); do not use it, export it again"
         )
@@ -61,7 +61,7 @@ def first_run(model: bytes, observations: np.ndarray) -> None:
 
 
 def _limit() -> None:
-    """Bound the memory and the processor time of this process, where the system can, and never above what it had."""
+    """Bound memory and processor time of this process, where the system can, and never above its former limits."""
     import resource
 
     bound(resource.RLIMIT_CPU, SECONDS)
@@ -71,7 +71,7 @@ def _limit() -> None:
 
 
 def main() -> None:
-    """Read what `first_run` writes, and run it; the status says whether it ran."""
+    """Read the input of `first_run`, and run it; the status reports success."""
     from stiction.deploy.policy import INPUT, OUTPUT, open_session
 
     # Behind the imports: onnxruntime's own address space is not the network's.

@@ -1,8 +1,8 @@
-"""Reads a network file, policy.onnx, within bounds, before any runtime sees it.
+"""Reader of a network file, policy.onnx, within bounds, before any runtime sees it.
 
 An ONNX file is a protocol-buffer message: a sequence of (field number, wire type, value); the field numbers are those
-of onnx.proto. Only what a policy's network is made of is known here: a graph of nodes with numbers for attributes, and
-constants that lie in the file. Everything else is refused by its name: subgraphs (control flow), functions, training,
+of onnx.proto. Only the parts of a policy's network are known here: a graph of nodes with numbers for attributes, and
+constants that lie in the file. Everything else is rejected by its name: subgraphs (control flow), functions, training,
 sparse, quantised and external tensors, metadata, unknown fields, and fields that stand twice where they may stand once,
 which two readers could take differently.
 """
@@ -20,38 +20,38 @@ import numpy as np
 from stiction.core.errors import BundleError
 
 MOST_BYTES = 32 * 2**20
-"""Size of the largest network that is read: eight million weights."""
+"""Size of the largest network [B]: eight million weights."""
 
 MOST_NODES, MOST_CONSTANTS, MOST_PARTS = 1024, 1024, 64
-"""Nodes of a graph, its constants, and inputs, outputs or attributes of a node. Our own have some 30, 30 and 5."""
+"""Most nodes of a graph, constants, and inputs, outputs or attributes of a node. Our own have some 30, 30 and 5."""
 
 MOST_TEXT, MOST_DIMENSIONS = 256, 6
-"""Bytes of a name, and dimensions of a tensor."""
+"""Most bytes of a name, and dimensions of a tensor."""
 
 FLOAT, INT64 = 1, 7
-"""Types of tensors that are known: TensorProto.FLOAT and INT64."""
+"""Known types of tensors: TensorProto.FLOAT and INT64."""
 
 WIDTH = {FLOAT: 4, INT64: 8}
 
 OPSETS = range(13, 24)
-"""Versions of the operators whose meaning `operators` knows."""
+"""Versions of the operators that `operators` knows."""
 
 IR_VERSIONS = range(7, 12)
 
 VARINT, DOUBLE, BYTES, SINGLE = 0, 1, 2, 5
 
 Fields = Mapping[int, tuple[str, int, int]]
-"""Number of a field -> name, wire type, and how often it may stand."""
+"""Number of a field -> name, wire type, and largest count."""
 
 
 def _fields(text: str) -> Fields:
     """Return fields such as `7:graph`, a message or text that may stand once, and `8:ints:varint*64`."""
-    found = {}
+    fields = {}
     for word in text.split():
         field, _, most = word.partition("*")
         number, name, wire = (*field.split(":"), "bytes")[:3]
-        found[int(number)] = name, {"varint": VARINT, "bytes": BYTES, "single": SINGLE}[wire], int(most or 1)
-    return found
+        fields[int(number)] = name, {"varint": VARINT, "bytes": BYTES, "single": SINGLE}[wire], int(most or 1)
+    return fields
 
 
 MODEL = _fields(
@@ -72,12 +72,12 @@ EXTERNAL = (13, 14)
 """Fields of a tensor whose numbers lie in another file."""
 
 ATTRIBUTE_TYPES = {"f": 1, "i": 2, "ints": 7}
-"""Field of an attribute -> what its type has to say."""
+"""Field of an attribute -> number of its type."""
 
 
 @dataclass(frozen=True)
 class Tensor:
-    """A constant."""
+    """Constant of a network."""
 
     name: str
     kind: int
@@ -87,7 +87,7 @@ class Tensor:
 
     @property
     def numbers(self) -> np.ndarray:
-        """Return the numbers, int64 or float32, of its shape."""
+        """Numbers, int64 or float32, of its shape."""
         return np.frombuffer(self.data, dtype="<i8" if self.kind == INT64 else "<f4").reshape(self.shape)
 
 
@@ -96,28 +96,28 @@ Attribute = float | int | tuple[int, ...]
 
 @dataclass(frozen=True)
 class Node:
-    """One operation."""
+    """Operation of a network."""
 
     operator: str
     inputs: tuple[str, ...]
-    """Names; empty for one that is left out."""
+    """Names of the inputs; empty for one that is left out."""
     outputs: tuple[str, ...]
     attributes: Mapping[str, Attribute]
 
 
 @dataclass(frozen=True)
 class Port:
-    """The input or output of a network."""
+    """Input or output of a network."""
 
     name: str
     kind: int
     shape: tuple[int | None, ...]
-    """None where the size is free."""
+    """Sizes of the dimensions; None where a size is free."""
 
 
 @dataclass(frozen=True)
 class NetworkFile:
-    """What a network file says."""
+    """Content of a network file."""
 
     nodes: tuple[Node, ...]
     constants: Mapping[str, Tensor]
@@ -128,9 +128,9 @@ class NetworkFile:
 
 
 def read_network(data: bytes) -> NetworkFile:
-    """Return what an ONNX file says.
+    """Return the content of an ONNX file.
 
-    Raises `BundleError`: not an ONNX file, too large, or with anything in it that is not known here.
+    Raises `BundleError`: not an ONNX file, too large, or with an unknown part.
     """
     if len(data) > MOST_BYTES:
         raise BundleError(f"policy.onnx has {len(data)} bytes; at most {MOST_BYTES} are read")
@@ -161,17 +161,17 @@ def _span(versions: range) -> str:
 
 
 def _node(data: memoryview) -> Node:
-    found = read_message(data, "node", NODE)
-    operator, domain = text_of(found["op_type"], "node.op_type"), text_of(found["domain"], "node.domain")
+    fields = read_message(data, "node", NODE)
+    operator, domain = text_of(fields["op_type"], "node.op_type"), text_of(fields["domain"], "node.domain")
     if domain not in ("", "ai.onnx"):
         raise BundleError(f"policy.onnx: the operator {operator!r} is of {domain!r}; expected ONNX's own alone")
     attributes: dict[str, Attribute] = {}
-    for part in found["attribute"]:
+    for part in fields["attribute"]:
         name, value = _attribute(part, operator)
         if name in attributes:
             raise BundleError(f"policy.onnx: {operator!r} has two attributes {name!r}; export the bundle again")
         attributes[name] = value
-    inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
+    inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in fields[side]) for side in ("input", "output"))
     if not all(outputs) or not outputs:
         raise BundleError(f"policy.onnx: {operator!r} has an output without a name; export the bundle again")
     return Node(operator, inputs, outputs, attributes)
@@ -179,17 +179,17 @@ def _node(data: memoryview) -> Node:
 
 def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
     """Read one attribute: a number or several integers."""
-    found = read_message(data, f"attribute of {operator!r}", ATTRIBUTE)
-    name, given = text_of(found["name"], "attribute.name"), [kind for kind in ATTRIBUTE_TYPES if found[kind]]
+    fields = read_message(data, f"attribute of {operator!r}", ATTRIBUTE)
+    name, present = text_of(fields["name"], "attribute.name"), [kind for kind in ATTRIBUTE_TYPES if fields[kind]]
     # Fields of the value zero may be left out: the type says which it is.
-    kind = next((kind for kind, number in ATTRIBUTE_TYPES.items() if found["type"] == [number]), None)
-    if kind is None or given not in ([kind], []):
+    kind = next((kind for kind, number in ATTRIBUTE_TYPES.items() if fields["type"] == [number]), None)
+    if kind is None or present not in ([kind], []):
         raise BundleError(
             f"policy.onnx: attribute {name!r} of {operator!r}: expected one number, or integers; export it again"
         )
     if kind == "ints":
-        return name, tuple(map(signed, found["ints"]))
-    value = found[kind][0] if found[kind] else 0
+        return name, tuple(map(signed, fields["ints"]))
+    value = fields[kind][0] if fields[kind] else 0
     return name, signed(value) if kind == "i" else float(value)
 
 
@@ -198,15 +198,18 @@ def _tensor(data: memoryview) -> Tensor:
     for number, _, _ in entries(data, "tensor"):
         if number in EXTERNAL:
             raise BundleError("policy.onnx keeps tensors in other files; expected all within; export the bundle again")
-    found = read_message(data, "tensor", TENSOR)
-    name, kind = text_of(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
-    shape, content = tuple(map(signed, found["dims"])), found["raw_data"][0] if found["raw_data"] else memoryview(b"")
+    fields = read_message(data, "tensor", TENSOR)
+    name, kind = text_of(fields["name"], "tensor.name"), (fields["data_type"] or [0])[0]
+    shape, content = (
+        tuple(map(signed, fields["dims"])),
+        fields["raw_data"][0] if fields["raw_data"] else memoryview(b""),
+    )
     expect_size(name, kind, shape, content)
     return Tensor(name, kind, shape, content)
 
 
 def expect_size(name: str, kind: int, shape: tuple[int, ...], content: memoryview) -> None:
-    """Refuse a constant of another type than ours, or of another size than its shape says."""
+    """Reject a constant of another type than ours, or of another size than its shape says."""
     if kind not in WIDTH or min(shape, default=1) < 0 or math.prod(shape) * WIDTH[kind] != len(content):
         raise BundleError(
             f"policy.onnx: the constant {name!r} of type {kind} and shape {shape} has {len(content)} bytes; expected "
@@ -216,22 +219,22 @@ def expect_size(name: str, kind: int, shape: tuple[int, ...], content: memoryvie
 
 def read_port(data: memoryview, side: str, port: Fields = PORT, dimension: Fields = DIMENSION) -> Port:
     """Read the input or the output; port, dimension: fields that they may have."""
-    found = read_message(data, side, port)
+    fields = read_message(data, side, port)
     kind = read_message(
-        only(read_message(only(found, "type", side), side, TYPE), "tensor_type", side), side, TENSOR_TYPE
+        only(read_message(only(fields, "type", side), side, TYPE), "tensor_type", side), side, TENSOR_TYPE
     )
     sizes: list[int | None] = []
     for part in read_message(only(kind, "shape", side), side, SHAPE)["dim"]:
         size = read_message(part, f"dimension of the {side}", dimension)
         sizes.append(signed(size["dim_value"][0]) if size["dim_value"] else None)
-    return Port(text_of(found["name"], f"{side}.name"), (kind["elem_type"] or [0])[0], tuple(sizes))
+    return Port(text_of(fields["name"], f"{side}.name"), (kind["elem_type"] or [0])[0], tuple(sizes))
 
 
-def only(found: Mapping[str, list], name: str, where: str) -> memoryview:
-    """Return the one message of a name."""
-    if not found[name]:
+def only(fields: Mapping[str, list], name: str, where: str) -> memoryview:
+    """Return the only message of a name."""
+    if not fields[name]:
         raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off: {where} has no {name}")
-    return found[name][0]
+    return fields[name][0]
 
 
 def text_of(values: list, where: str) -> str:
@@ -248,13 +251,13 @@ def text_of(values: list, where: str) -> str:
 
 
 def signed(value: int) -> int:
-    """Return a number of a protocol buffer as the int64 that is meant."""
+    """Return a number of a protocol buffer as int64."""
     return value - 2**64 if value >= 2**63 else value
 
 
 def read_message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
-    """Return name -> values of the known fields of a message; refuse any other, and too many of one."""
-    found: dict[str, list] = {name: [] for name, _, _ in known.values()}
+    """Return name -> values of the known fields of a message; reject any other, and too many of one."""
+    fields: dict[str, list] = {name: [] for name, _, _ in known.values()}
     for number, wire, value in entries(data, where):
         if number not in known:
             raise BundleError(
@@ -268,14 +271,14 @@ def read_message(data: memoryview, where: str, known: Fields) -> dict[str, list]
             values = list(packed(value))
         elif wire != expected:
             raise BundleError(f"policy.onnx is not an ONNX file: {name} of {where} has the wire type {wire}")
-        found[name] += values
-        if len(found[name]) > most:
+        fields[name] += values
+        if len(fields[name]) > most:
             raise BundleError(f"policy.onnx: {where} has more than {most} of {name}; export the bundle again")
-    return found
+    return fields
 
 
 def packed(data: memoryview) -> Iterator[int]:
-    """Yield packed numbers; at most one more than a part may have, which the caller then refuses."""
+    """Yield packed numbers; at most one more than a part may have, which the caller then rejects."""
     position, count = 0, 0
     while position < len(data) and count <= MOST_PARTS:
         value, position = _varint(data, position)

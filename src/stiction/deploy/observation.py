@@ -1,4 +1,4 @@
-"""The policy's input, built from raw sensors in NumPy: the deployed twin of the observation that training builds.
+"""Input of the policy, built from raw sensors in NumPy: the deployed twin of the observation that training builds.
 
 One robot (shape (J,)) and a batch of N (shape (N, J)) run the same code. Golden vectors test that both twins agree.
 """
@@ -29,12 +29,12 @@ class Sensors:
     joint_velocity: np.ndarray
     """Joint velocities [rad/s], shape (..., J)."""
     base_linear_velocity: np.ndarray | None = None
-    """Velocity of the base in its own frame [m/s], shape (..., 3): of an estimator or a simulator, no sensor has it."""
+    """Velocity of the base in its own frame [m/s], shape (..., 3), by an estimator or a simulator: no sensor has it."""
     heights: np.ndarray | None = None
-    """Of the base over the ground [m] at the points of the layout's `HeightScan`, shape (..., points)."""
+    """Heights of the base over the ground [m] at the points of the layout's `HeightScan`, shape (..., points)."""
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return what was measured, by name."""
+        """Return the measurements by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Sensors:
@@ -54,11 +54,11 @@ MEASURED: dict[str, Callable[[Sensors, np.ndarray, np.ndarray], np.ndarray]] = {
     "last_action": lambda sensors, command, action: action,
     FIRST_SIDE: lambda sensors, command, action: np.ones((*command.shape[:-1], 1)),
 }
-"""Term -> what it is of the sensors, the command and the last action."""
+"""Term -> its function of the sensors, the command and the last action."""
 
 
 class ObservationBuilder:
-    """Stacks frames, o_t^H: each term is clip((raw - offset) * scale); the order is the layout's."""
+    """Builder of stacked frames, o_t^H: each term is clip((raw - offset) * scale); the order is the layout's."""
 
     def __init__(
         self,
@@ -103,14 +103,14 @@ class ObservationBuilder:
         self._known = None if known_friction is None else friction_of_robots(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Empty the history of the robots in `mask` (bool, the batch's shape), of all without it."""
+        """Empty the history of the robots in `mask` (bool, the batch's shape), or of all."""
         self._empty |= True if mask is None else np.asarray(mask, dtype=bool)
 
     def frame(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
         """Return one frame, o_t^prio, scaled and clipped, shape (*batch, frame size). Slow means are as of `step`.
 
-        command: forward, sideways [m/s], turn [rad/s], shape (*batch, 3); last_action: the network's output of the step
-        before, after clipping, shape (*batch, J); zero at first. Raises `StictionError`: the layout has the joints'
+        command: forward, sideways [m/s], turn [rad/s], shape (*batch, 3); last_action: the network's output of the
+        previous step, after clipping, (*batch, J); zero at first. Raises `StictionError`: the layout has the joints'
         known friction, and none was given.
         """
         raw = {name: term(sensors, command, last_action) for name, term in self._measured.items()}
@@ -123,7 +123,7 @@ class ObservationBuilder:
             raw[TERM] = self._known
         elif self.layout.has(TERM):
             raise PolicyError(
-                "this policy is told the friction of its joints, and nobody said what it is: export its bundle again, "
+                "this policy observes the friction of its joints, which is not known: export its bundle again, "
                 "with --joints for what a bench identified, or give known_friction"
             )
         parts = []
@@ -159,28 +159,28 @@ class ObservationBuilder:
         return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
 
     def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:
-        """Return what no sensor of a robot has, where the layout observes it.
+        """Return observed signals that no sensor of a robot has.
 
-        Raises `PolicyError` where nobody gives it: zeros would tell the policy that the robot stands still.
+        Raises `PolicyError` where one is missing: zeros would tell the policy that the robot stands still.
         """
-        found: dict[str, np.ndarray] = {}
-        for term, field, what in (
+        signals: dict[str, np.ndarray] = {}
+        for term, field, quantity in (
             ("base_linear_velocity", "base_linear_velocity", "the velocity of its base"),
             ("height_scan", "heights", "the ground around it"),
         ):
-            if (given := getattr(sensors, field)) is not None:
+            if (value := getattr(sensors, field)) is not None:
                 scan = self.layout.heights if term == "height_scan" else None
-                found[term] = given if scan is None else given - scan.offset
+                signals[term] = value if scan is None else value - scan.offset
             elif self.layout.has(term):
                 raise PolicyError(
-                    f"this policy observes {what}, which no sensor of a robot measures; it walks in the engine mujoco, "
-                    f"and on a robot only with an estimator that gives Sensors.{field}"
+                    f"this policy observes {quantity}, which no sensor of a robot measures; it walks in the engine "
+                    f"mujoco, and on a robot only with an estimator that gives Sensors.{field}"
                 )
-        return found
+        return signals
 
 
 class Clock:
-    """The phases of a gait clock, of every robot."""
+    """Phases of a gait clock, of every robot."""
 
     def __init__(self, clock: GaitClock, control_period: float, batch: tuple[int, ...]) -> None:
         """Wait for the first step; control_period: time between two steps [s]; batch: leading shape."""
@@ -189,14 +189,14 @@ class Clock:
         self._stands = np.zeros(batch, dtype=bool)
 
     def step(self, command: np.ndarray, fresh: np.ndarray) -> None:
-        """Go on by one step under a command, (*batch, 3); fresh: robots that start anew, bool, the batch's shape."""
+        """Advance by one step under a command, (*batch, 3); fresh: robots that start anew, bool, the batch's shape."""
         clock, stood = self._clock, self._stands & ~fresh
         self._count = np.where(fresh, clock.first, self._count + 1)
         if clock.standing is not None:
             below = clock.standing_below
             slow = np.linalg.norm(np.asarray(command)[..., :2], axis=-1) < below
             self._stands = slow & (np.abs(np.asarray(command)[..., 2]) < below)
-            # Who walks on after standing begins the gait anew, see `GaitClock.standing`.
+            # A robot that walks on after standing begins the gait anew, see `GaitClock.standing`.
             self._count = np.where(stood & ~self._stands, 0, self._count)
 
     def terms(self) -> dict[str, np.ndarray]:
@@ -212,7 +212,7 @@ class SlowMeans:
     """Exponential means of products of error and velocity, which show a joint's dry friction, see `SLOW_TERMS`."""
 
     def __init__(self, shape: tuple[int, ...], decay: float) -> None:
-        """Start with nothing; `shape`: (*batch, J); `decay`: see `ObservationLayout.slow_kept`."""
+        """Start without frames; shape: (*batch, J); decay: see `ObservationLayout.slow_kept`."""
         self._decay = decay
         self._sums = np.zeros((len(SLOW_TERMS), *shape))
         # Not zeros: before the first frame the means are 0/1, and not 0/0.
@@ -238,7 +238,7 @@ class SlowMeans:
 def friction_of_robots(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
     """Return the known friction of every robot, shape (*batch, kinds); arguments and errors as of `ObservationBuilder`.
 
-    One number for each kind of joint stands for all robots.
+    A single number for each kind of joint holds for all robots.
     """
     value = np.asarray(known_friction, dtype=np.float64)
     size = next((term.size for term in layout.terms if term.name == TERM), None)

@@ -1,8 +1,8 @@
-"""Works out what a network will compute, without computing it: every shape, and how much work it is.
+"""Shapes and work of a network, inferred without running it.
 
-There is an entry for each operator that the network of a policy may have: those of MLPs and of recurrent cells that are
-written out. None of them loops, branches, or makes a shape from what it is given to observe; so with the size of the
-batch every size is known, and a network that would fill the memory or never end is refused before it is run.
+Each operator that a policy's network may have has an entry: those of MLPs and of recurrent cells that are
+written out. None of them loops, branches, or makes a shape from its observations; so with the size of the
+batch every size is known, and a network that would fill the memory or never end is rejected before it is run.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from stiction.core.errors import BundleError
 from stiction.deploy.network_file import FLOAT, INT64, NetworkFile, Node
 
 MOST_ENTRIES = 2**20
-"""Numbers that one node may put out for one robot: far more than the shipped networks need."""
+"""Most numbers in the output of one node for one robot: far more than the shipped networks need."""
 
 MOST_WORK = 2**26
-"""Work of one step of one robot, in multiplications: far more than the shipped policies need, and still
+"""Most work of one step of one robot, in multiplications: far more than the shipped policies need, and still
 within a control period."""
 
 OVERHEAD = 5000
-"""Work of a node beside its numbers: calling it takes as long as some thousands of multiplications."""
+"""Work of a node besides its numbers: calling it takes as long as some thousands of multiplications."""
 
 BATCHES = (1, 2, 7)
-"""Robots side by side for which the sizes are worked out: none may grow faster than the batch."""
+"""Sizes of a batch for which all sizes are inferred: none may grow faster than the batch."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """What flows along an edge of the graph."""
+    """Value on an edge of the graph."""
 
     shape: tuple[int, ...]
     kind: int = FLOAT
     numbers: np.ndarray | None = None
-    """Of integers, which are known beforehand, the numbers."""
+    """Numbers of an integer value that are known beforehand."""
 
 
 class UnfitError(Exception):
-    """Raised where the inputs of an operator do not fit; its text says what was expected."""
+    """Error for inputs of an operator that do not fit; its text names the expected ones."""
 
 
 VELOCITY_SIZE = 2
@@ -53,10 +53,10 @@ Rule = Callable[[Node, Sequence[Value]], list[Value]]
 def check_network(network: NetworkFile, observation_size: int, num_actions: int) -> int:
     """Return the work of one step of one robot.
 
-    Raises `BundleError`: an operator that is not known, inputs that do not fit it, outputs of other sizes than
+    Raises `BundleError`: an unknown operator, inputs that do not fit it, outputs of other sizes than
     (batch, num_actions) and (batch, 2), a node with more than `MOST_ENTRIES`, or more work than `MOST_WORK`.
     """
-    alone = _infer(network, 1, observation_size)[1]
+    single = _infer(network, 1, observation_size)[1]
     for batch in BATCHES:
         values, work = _infer(network, batch, observation_size)
         for port, size in ((network.output, num_actions), (network.velocity, VELOCITY_SIZE)):
@@ -66,20 +66,24 @@ def check_network(network: NetworkFile, observation_size: int, num_actions: int)
                     f"expected {(batch, size)}; export the bundle again"
                 )
         # A product of the batch with itself would grow with its square.
-        if work > batch * alone:
+        if work > batch * single:
             raise BundleError(f"policy.onnx takes more work for each of {batch} robots than for one; expected as much")
-    alone += OVERHEAD * len(network.nodes)
-    if alone > MOST_WORK:
-        raise BundleError(f"policy.onnx takes {alone:.3g} operations a step; at most {MOST_WORK:.3g} are run")
-    return alone
+    single += OVERHEAD * len(network.nodes)
+    if single > MOST_WORK:
+        raise BundleError(f"policy.onnx takes {single:.3g} operations a step; at most {MOST_WORK:.3g} are run")
+    return single
 
 
 def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dict[str, Value], int]:
     """Return all values of the network for a batch, by name, and the work of all nodes without their `OVERHEAD`."""
     values = {
         # Shapes, axes and bounds are short; longer integers are data, whose values decide no shape.
-        name: Value(one.shape, one.kind, one.numbers if one.kind == INT64 and one.numbers.size <= 64 else None)
-        for name, one in network.constants.items()
+        name: Value(
+            constant.shape,
+            constant.kind,
+            constant.numbers if constant.kind == INT64 and constant.numbers.size <= 64 else None,
+        )
+        for name, constant in network.constants.items()
     }
     work = 0
     if network.input.name in values:
@@ -94,13 +98,15 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dic
             names = _stated(node)
             if absent := [name for name in names if name not in values]:
                 raise UnfitError(f"the input {absent[0]!r} is not computed before")
-            found = OPERATORS[node.operator](node, [values[name] for name in names])
+            results = OPERATORS[node.operator](node, [values[name] for name in names])
         # Rules take nodes as they come: an input that is missing, or has too few axes, fails in many ways.
         except (UnfitError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
             raise BundleError(f"policy.onnx: {node.operator!r} {node.outputs} cannot be run: {error}") from error
-        if len(found) < len(node.outputs):
-            raise BundleError(f"policy.onnx: {node.operator!r} has {len(node.outputs)} outputs; expected {len(found)}")
-        for name, value in zip(node.outputs, found, strict=False):
+        if len(results) < len(node.outputs):
+            raise BundleError(
+                f"policy.onnx: {node.operator!r} has {len(node.outputs)} outputs; expected {len(results)}"
+            )
+        for name, value in zip(node.outputs, results, strict=False):
             if name in values:
                 raise BundleError(f"policy.onnx: {name!r} is computed twice; export the bundle again")
             if math.prod(value.shape) > batch * MOST_ENTRIES:
@@ -109,7 +115,7 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dic
                     f"{MOST_ENTRIES} numbers each are computed"
                 )
             values[name] = value
-        work += node_work(node, [values[name] for name in node.inputs if name], found)
+        work += node_work(node, [values[name] for name in node.inputs if name], results)
     for port in filter(None, (network.output, network.velocity)):
         if port.name not in values:
             raise BundleError(f"policy.onnx: nothing computes the output {port.name!r}; export the bundle again")
@@ -117,16 +123,16 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dic
 
 
 def _stated(node: Node) -> list[str]:
-    """Return the inputs of a node but for those that are left out: the last ones, or any bound of a `Clip`."""
+    """Return the inputs of a node without those that are left out: the last ones, or any bound of a `Clip`."""
     names = list(node.inputs)
     while names and not names[-1]:
         names.pop()
-    # Of others the rules know inputs by their places: what is left out in between stays, and is refused.
+    # The rules of other operators know inputs by their places: one that is left out in between stays, and is rejected.
     return [name for name in names if name] if node.operator == "Clip" else names
 
 
 def node_work(node: Node, inputs: Sequence[Value], outputs: Sequence[Value]) -> int:
-    """Return how much work a node is, in multiplications: those of products, and ten for each number that comes out."""
+    """Return the work of a node, in multiplications: those of products, and ten for each output number."""
     products = math.prod(outputs[0].shape) * inputs[0].shape[-1] if node.operator in PRODUCTS else 0
     if node.operator == "Gemm" and node.attributes.get("transA"):
         products = math.prod(outputs[0].shape) * inputs[0].shape[0]
@@ -141,11 +147,11 @@ REDUCTIONS = (
     *("ReduceMean", "ReduceSum", "ReduceMax", "ReduceMin", "ReduceProd", "ReduceL1", "ReduceL2"),
     *("ReduceSumSquare", "ReduceLogSum", "ReduceLogSumExp"),
 )
-"""Operators that make one number of many along axes."""
+"""Operators that reduce many numbers to one along axes."""
 
 
 def _floats(inputs: Sequence[Value], least: int, most: int) -> None:
-    """Refuse inputs that are no numbers to compute with, or too many or too few."""
+    """Reject inputs that are not floats, or too many or too few."""
     if not least <= len(inputs) <= most or any(value.kind != FLOAT for value in inputs):
         raise UnfitError(f"expected {least} to {most} float32 inputs, got {len(inputs)} of the types "
                          f"{[value.kind for value in inputs]}")  # fmt: skip
@@ -179,19 +185,19 @@ def _broadcast(*shapes: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _same(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """A function of every number."""
+    """Return the shape of a function of every number."""
     _floats(inputs, 1, 1)
     return [Value(inputs[0].shape)]
 
 
 def _pairs(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """A function of two numbers each."""
+    """Return the shape of a function of two numbers each."""
     _floats(inputs, 2, 2)
     return [Value(_broadcast(inputs[0].shape, inputs[1].shape))]
 
 
 def _clip(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Bounds that are single numbers."""
+    """Return the shape within bounds that are single numbers."""
     _floats(inputs, 1, 3)
     if any(value.shape for value in inputs[1:]):
         raise UnfitError("expected bounds without dimensions")
@@ -199,10 +205,10 @@ def _clip(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _reduce(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Means, sums and the like along axes, which an attribute or a second input names; never over the batch."""
+    """Return the shape of means, sums and the like along axes of an attribute or an input; never over the batch."""
     _floats(inputs[:1], 1, 1)
-    shape, given = inputs[0].shape, node.attributes.get("axes")
-    chosen = _known(inputs[1]) if len(inputs) > 1 else given
+    shape, named = inputs[0].shape, node.attributes.get("axes")
+    chosen = _known(inputs[1]) if len(inputs) > 1 else named
     if not isinstance(chosen, tuple | list) or not chosen:
         raise UnfitError(f"axes {chosen}: expected some axes, known beforehand")
     gone = {_axis(axis, len(shape)) for axis in chosen}
@@ -213,7 +219,7 @@ def _reduce(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _layer_normalization(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Numbers less their mean over their deviation, along the last axes; mean and deviation may come out too."""
+    """Return shapes of normalised numbers along the last axes, and of their mean and deviation."""
     _floats(inputs, 2, 3)
     shape = inputs[0].shape
     axis = _axis(_integer(node, "axis", -1), len(shape))
@@ -224,16 +230,16 @@ def _layer_normalization(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _matmul(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Products of matrices, of as many as the dimensions before say."""
+    """Return the shape of products of matrices, as many as the dimensions before have."""
     _floats(inputs, 2, 2)
-    (*before, rows, inner), (*others, same, columns) = inputs[0].shape, inputs[1].shape
+    (*before, rows, inner), (*after, same, columns) = inputs[0].shape, inputs[1].shape
     if inner != same:
         raise UnfitError(f"shapes {inputs[0].shape} and {inputs[1].shape} do not fit")
-    return [Value((*_broadcast(tuple(before), tuple(others)), rows, columns))]
+    return [Value((*_broadcast(tuple(before), tuple(after)), rows, columns))]
 
 
 def _gemm(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Alpha A' B' + beta C."""
+    """Return the shape of alpha A' B' + beta C."""
     _floats(inputs, 2, 3)
     first, second = (
         value.shape[::-1] if node.attributes.get(name, 0) else value.shape
@@ -261,7 +267,7 @@ def _reshape(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _flatten(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Two dimensions: those before the axis, and those from it on."""
+    """Return the shape of two dimensions: those before the axis, and those from it on."""
     _floats(inputs, 1, 1)
     shape, axis = inputs[0].shape, _integer(node, "axis", 1)
     place = len(shape) if axis == len(shape) else _axis(axis, len(shape))
@@ -297,7 +303,7 @@ def _transpose(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _concat(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """One after the other along an axis; of integers that are known, known integers."""
+    """Return the shape of parts joined along an axis; known integers stay known."""
     kinds = {value.kind for value in inputs}
     if kinds == {INT64}:
         joined = np.array([number for value in inputs for number in _known(value)], dtype=np.int64)
@@ -315,7 +321,7 @@ def _concat(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _slice(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Parts along some axes."""
+    """Return the shape of parts along some axes."""
     _floats(inputs[:1], 1, 1)
     shape = list(inputs[0].shape)
     starts, ends = _known(inputs[1]), _known(inputs[2])
@@ -331,7 +337,7 @@ def _slice(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _split(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Parts along one axis, of sizes that are known, or alike."""
+    """Return the shapes of parts along one axis, of known sizes, or alike."""
     _floats(inputs[:1], 1, 1)
     shape, count = inputs[0].shape, len(node.outputs)
     axis = _axis(_integer(node, "axis", 0), len(shape))
@@ -344,14 +350,14 @@ def _split(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _shape(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """The sizes of a value, from `start` to `end`."""
+    """Return the sizes of a value, from `start` to `end`."""
     shape = inputs[0].shape
     sizes = np.array(shape[_integer(node, "start", 0) : _integer(node, "end", len(shape))], dtype=np.int64)
     return [Value(sizes.shape, INT64, sizes)]
 
 
 def _constant_of_shape(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Zeros, float32: the attribute that would say another number is a tensor, which is not read."""
+    """Return the shape of zeros, float32: the attribute for another number is a tensor, which is not read."""
     shape = tuple(_known(inputs[0]))
     if min(shape, default=1) < 0 or len(shape) > 6:
         raise UnfitError(f"shape {shape}")

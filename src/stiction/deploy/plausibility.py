@@ -1,8 +1,8 @@
-"""What no working robot measures, and no policy was trained to be asked: rules on one reading, command and drive.
+"""Rules on one reading, command and drive: values that no working robot measures and no policy was trained for.
 
 Most faults of a deployment are quiet: an encoder that is no longer read gives its last angle, a computer that forgot to
 convert gives degrees, a library that orders quaternions x, y, z, w gives a robot that is always level. A policy acts on
-all of it. The rules refuse what cannot be true; what is true and dangerous (a fall, a hot motor) is for the runtime.
+all of it. The rules refuse what cannot be true; dangerous but true states (a fall, a hot motor) are for the runtime.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from stiction.files.velocity import COMMANDS, VELOCITY
 
 @dataclass(frozen=True)
 class Violation:
-    """One broken rule of the robot's state, of a command, or of the machine."""
+    """Broken rule of the robot's state, of a command, or of the machine."""
 
     rule: str
     """Name of the rule, from `RULES` of the module that has it: `stale state`, `joint range`, ..."""
     joint: str | None
     value: float
-    """What was measured, in the rule's unit; NaN where that is what was measured."""
+    """Measured value, in the rule's unit; NaN where that was measured."""
     limit: float
     unit: str = ""
-    """Of value and limit: `rad`, `rad/s`, `s`, ..."""
+    """Unit of value and limit: `rad`, `rad/s`, `s`, ..."""
 
     def sentence(self) -> str:
         """Return the violation in one line: rule, joint, value and limit."""
@@ -44,13 +44,13 @@ class Violation:
 
 
 class Rule(NamedTuple):
-    """One thing that is refused."""
+    """Rule of plausibility."""
 
     limit: float
-    """Default of what is allowed, in `unit`."""
+    """Default limit, in `unit`."""
     unit: str
     hint: str
-    """What to look at first, in an error."""
+    """Advice in an error on the first thing to check."""
 
 
 RULES: dict[str, Rule] = {
@@ -118,45 +118,45 @@ RULES: dict[str, Rule] = {
     "drive kd": Rule(0.01, "", "set the drive to the contract's gain"),
     "drive torque limit": Rule(0.01, "", "set the drive to the contract's limit"),
 }
-"""Rule -> its limit; above it what it guards against, and why that number."""
+"""Rule -> its limit; the comment above it names the fault that it guards against, and the reason for the number."""
 
 OLDER_RANGE = dict(zip(COMMANDS, ((-0.8, 0.8), (-0.3, 0.3), (-0.6, 0.6)), strict=True))
-"""Commands that training draws where nobody says otherwise [m/s, m/s, rad/s]: what is taken for a bundle from before
-contracts had `command_range`, which may be wrong for it, and is said."""
+"""Commands that training draws by default [m/s, m/s, rad/s]: assumed for a bundle from before contracts had
+`command_range`, for which it may be wrong, and reported."""
 
 MOVING = 0.1
-"""A command is a moving one if its norm (m/s and rad/s alike) is above this, as in training."""
+"""Norm of a command (m/s and rad/s alike) above which it moves the robot, as in training."""
 
 ATTITUDE_TIME, ANGLE_TIME, STILL_TIME = 1.0, 0.1, 0.3
-"""Time constants with which what gyroscope, joint velocities, and those of joints whose angles stand still, add up to
-forgets [s]."""
+"""Time constants of the sums of the gyroscope, of joint velocities, and of those of joints with constant angles
+[s]."""
 
 STILL_AFTER = 0.02
-"""Time after which an angle that stays the same stands still [s]: filtered velocities end later than angles."""
+"""Time after which an angle that stays the same counts as still [s]: filtered velocities end later than angles."""
 
 CLOCK_WINDOW = 0.2
 """Time over which the robot's clock is compared with this machine's [s]."""
 
 
 class ImplausibleError(PolicyError):
-    """Raised for a reading, a command or a time that broke a rule of `RULES`; nothing entered the policy."""
+    """Error for a reading, a command or a time that broke a rule of `RULES`; nothing entered the policy."""
 
     def __init__(self, violation: Violation) -> None:
         super().__init__(f"{violation.sentence()}; {RULES[violation.rule].hint}")
         self.violation = violation
-        """What was found."""
+        """Broken rule."""
 
 
 def limits_of(changed: Mapping[str, float]) -> dict[str, float]:
     """Return the limit of every rule, some of them changed; infinity switches a rule off.
 
-    Raises `ConfigurationError` for a rule that there is not, and a limit that is negative or NaN.
+    Raises `ConfigurationError` for an unknown rule, and a limit that is negative or NaN.
     """
     for name, value in changed.items():
         if name not in RULES:
             raise ConfigurationError(unknown_name("rule", name, RULES))
         if not value >= 0:
-            raise ConfigurationError(f"the limit of the rule {name!r} is {value}; expected a number from 0 on")
+            raise ConfigurationError(f"limit of rule {name!r}: got {value}, expected a number of 0 or more")
     return {name: rule.limit for name, rule in RULES.items()} | dict(changed)
 
 
@@ -167,7 +167,7 @@ def command_range(contract: Contract) -> np.ndarray:
 
 
 class ReadingGuard:
-    """Refuses readings that no working robot gives, from one to the next; for one robot, at any rate of readings."""
+    """Guard against readings that no working robot gives; for one robot, at any rate of readings."""
 
     def __init__(self, contract: Contract, limits: Mapping[str, float] | None = None) -> None:
         """Start before the first reading.
@@ -179,17 +179,17 @@ class ReadingGuard:
         self._names = contract.joint_names
         few = 2.5 * contract.control_period
         self._gap = max(self.limits["time jump"], few)
-        # Whoever allows longer gaps does not make a velocity hold for as long.
+        # Longer gaps may be allowed, but a velocity does not hold for as long.
         self._adds_up = max(RULES["time jump"].limit, few)
         lower, upper = contract.array("lower"), contract.array("upper")
         self._middle, self._half = (lower + upper) / 2, (upper - lower) / 2 + self.limits["joint range"]
         self._commands = command_range(contract).tolist()
         self.assumed_range = contract.command_range is None
-        """Whether the contract does not say which commands were trained, and `OLDER_RANGE` is taken."""
+        """True if the contract lacks the trained commands, and `OLDER_RANGE` is assumed."""
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: what comes next is a first reading, of a robot that stands."""
+        """Start again: the next reading is the first, of a robot that stands."""
         self._time: float | None = None
         self._before: _Good | None = None
         self._fresh = True
@@ -202,8 +202,8 @@ class ReadingGuard:
         A reading that cannot be true by itself is not remembered: the next one is compared with the one before it.
 
         time: of the measurement, on a clock that only advances [s]; sensors: of one robot, shapes (4,), (3,), (J,),
-        (J,); velocity: commanded, shape (3,) [m/s, rad/s]; now: the present on the same clock [s], without it the age
-        is not judged; acting: whether a policy obeys the command: a robot that waits, or stands up, may keep still.
+        (J,); velocity: commanded, (3,) [m/s, rad/s]; now: the present on the same clock [s]; the age is not judged
+        without it; acting: True if a policy obeys the command: a robot that waits, or stands up, may keep still.
         """
         command = np.asarray(velocity, dtype=np.float64).tolist()
         good = _Good(time, sensors)
@@ -221,7 +221,7 @@ class ReadingGuard:
         return Violation(rule, name, float(value), float(limit), unit or RULES[rule].unit)
 
     def _over(self, rule: str, values: np.ndarray | float, limit: float | None = None) -> Violation | None:
-        """Return that a value, or the largest of the joints' values, is over a limit, by default the rule's own."""
+        """Return a violation if a value, or the largest of the joints', is over a limit, by default the rule's."""
         limit, joint = self.limits[rule] if limit is None else limit, None
         if isinstance(values, np.ndarray):
             joint = int(np.argmax(values))
@@ -230,16 +230,16 @@ class ReadingGuard:
 
     def _finite(self, good: _Good) -> Violation | None:
         most = self.limits["not finite"]
-        others = [*good.quaternion, *good.rate, good.time]
+        scalars = [*good.quaternion, *good.rate, good.time]
         # A comparison with NaN is false.
-        if np.abs(good.joints).max() <= most and all(abs(value) <= most for value in others[:-1]):
+        if np.abs(good.joints).max() <= most and all(abs(value) <= most for value in scalars[:-1]):
             return None if math.isfinite(good.time) else self._broken("not finite", good.time, most, unit="s")
         for values, unit in ((good.position, "rad"), (good.velocity, "rad/s")):
             wrong = ~(np.abs(values) <= most)
             if wrong.any():
                 worst = int(np.argmax(wrong))
                 return self._broken("not finite", values[worst], most, worst, unit)
-        return self._broken("not finite", next(value for value in others if not abs(value) <= most), most)
+        return self._broken("not finite", next(value for value in scalars if not abs(value) <= most), most)
 
     def _in_time(self, time: float, now: float | None) -> Violation | None:
         """Judge the time of the reading, and remember it."""
@@ -273,7 +273,7 @@ class ReadingGuard:
         return None
 
     def _joints(self, good: _Good) -> Violation | None:
-        """Judge angles and velocities by themselves, and angles beside the last."""
+        """Judge angles and velocities by themselves, and angles against the last ones."""
         position, limits = good.position, self.limits
         away = np.abs(position - self._middle)
         if (away - self._half).max() > 0.0:
@@ -287,8 +287,8 @@ class ReadingGuard:
         return self._over("joint jump", np.abs(position - self._before.position), allowed)
 
     def _motion(self, good: _Good, walking: bool) -> Violation | None:
-        """Judge the reading beside those before, and remember it: what disagrees now has to go on doing so."""
-        # Remembered whatever is found: who asks again every period must not be let through now and then.
+        """Judge the reading against those before, and remember it: a disagreement has to last."""
+        # Remembered whatever the result: a caller who asks again every period must not be let through now and then.
         before, self._before, self._fresh = self._before, good, False
         if before is None:
             good.begin()
@@ -324,10 +324,10 @@ class ReadingGuard:
 
 
 class _Good:
-    """A reading as numbers, and what follows from it and those before it."""
+    """Reading as numbers, with values that follow from it and those before it."""
 
     def __init__(self, time: float, sensors: Sensors) -> None:
-        """Keep one reading; raise `PolicyError` where the shapes are not those of one robot."""
+        """Store one reading; raise `PolicyError` where the shapes are not those of one robot."""
         quaternion, rate = np.asarray(sensors.quaternion), np.asarray(sensors.angular_velocity)
         position = np.asarray(sensors.joint_position)
         joints = np.array([position, sensors.joint_velocity], dtype=np.float64)
@@ -340,17 +340,17 @@ class _Good:
         self.time, self.quaternion, self.rate = float(time), quaternion.tolist(), rate.tolist()
         self.joints, self.position, self.velocity = joints, joints[0], joints[1]
         self.up = list(up_axis(*self.quaternion))
-        """The world's up as the base sees it."""
+        """Direction up of the world in the base's frame."""
 
     def begin(self) -> None:
-        """Be the first reading, or the first after a gap."""
+        """Start the sums: the first reading, or the first after a gap."""
         self.turned, self.moved = self.up, self.position
         self.imu_changed = self.gyroscope_changed = self.time
         self.joint_changed = self.angle_changed = np.full(len(self.position), self.time)
         self.unmoved = np.zeros(len(self.position))
 
     def follow(self, before: _Good, gap: float, walking: bool) -> None:
-        """Add up from the reading before: where gyroscope and velocities say that the robot is now, what has changed.
+        """Update the sums from the reading before: the pose by gyroscope and velocities, and the times of changes.
 
         The up axis, seen from a base that turns with ω, moves as u × ω. Over more than a gap [s] nothing is added up.
         """
@@ -364,7 +364,7 @@ class _Good:
                 self.imu_changed = before.imu_changed
         if elapsed <= gap:
             self.angle_changed = np.where(same, before.angle_changed, self.time)
-            # A velocity that stays the same too is no velocity: the whole joint is frozen, or the whole reading.
+            # A velocity that stays the same too is not a velocity: the whole joint is frozen, or the whole reading.
             alive = np.where(self.velocity == before.velocity, 0.0, self.velocity)
             kept = max(0.0, 1.0 - elapsed / STILL_TIME) * before.unmoved + elapsed * alive
             self.unmoved = np.where(self.time - self.angle_changed > STILL_AFTER, kept, 0.0)
@@ -385,16 +385,16 @@ class _Good:
 
 
 class ClockRate:
-    """Compares the rates of a robot's clock and this machine's; one step of either, and one late message, is none."""
+    """Comparison of a robot's clock rate with this machine's; tolerates one step of either, and one late message."""
 
     def __init__(self, limit: float) -> None:
-        """`limit`: of the rule "clock rate" [s]."""
+        """Start without readings; limit: of the rule "clock rate" [s]."""
         self._limit, self._last, self._steps = limit, (math.nan, math.nan), deque[tuple[float, float]]()
 
     def check(self, time: float, arrived: float) -> Violation | None:
-        """Return how far the clocks went apart, None within the limit.
+        """Return a violation if the clocks went too far apart, else None.
 
-        time: of a reading, on the robot's clock [s]; arrived: when it came, on this machine's [s].
+        time: time of a reading, on the robot's clock [s]; arrived: its arrival, on this machine's [s].
         """
         (before, came), self._last = self._last, (time, arrived)
         self._steps.append((arrived, (arrived - came) - (time - before)))
@@ -417,16 +417,16 @@ def compare_drive(
     kd: np.ndarray | None = None,
     torque_limit: np.ndarray | None = None,
 ) -> list[Violation]:
-    """Return by joint where the drives have other gains and limits than the contract: those that a policy learned with.
+    """Return the drives, by joint, whose gains and limits differ from the contract's, with which the policy learned.
 
     kp, kd, torque_limit: read back from the drives [N m/rad, N m s/rad, N m], shape (J,); None where the transport
     cannot read it. Raises `PolicyError` for another number of joints.
     """
-    found = []
-    for name, unit, given in (("kp", "N m/rad", kp), ("kd", "N m s/rad", kd), ("torque_limit", "N m", torque_limit)):
-        if given is None:
+    violations = []
+    for name, unit, measured in (("kp", "N m/rad", kp), ("kd", "N m s/rad", kd), ("torque_limit", "N m", torque_limit)):
+        if measured is None:
             continue
-        values, right = np.asarray(given, dtype=np.float64), contract.array(name)
+        values, right = np.asarray(measured, dtype=np.float64), contract.array(name)
         if values.shape != right.shape:
             raise PolicyError(f"{name} of {values.shape} drives; expected {right.shape}, one for each joint")
         rule = f"drive {name.replace('_', ' ')}"
@@ -434,5 +434,7 @@ def compare_drive(
         with np.errstate(invalid="ignore"):
             near = np.abs(values - right) <= RULES[rule].limit * np.abs(right)
         for joint in np.flatnonzero(~near):
-            found.append(Violation(rule, contract.joint_names[joint], float(values[joint]), float(right[joint]), unit))
-    return found
+            violations.append(
+                Violation(rule, contract.joint_names[joint], float(values[joint]), float(right[joint]), unit)
+            )
+    return violations

@@ -1,4 +1,4 @@
-"""The policy as it runs on a robot: observation builder, network (onnxruntime), joint targets."""
+"""Policy as it runs on a robot: observation builder, network (onnxruntime), joint targets."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime
 
 INPUT, OUTPUT, VELOCITY = "observation", "action", "velocity"
-"""Names of the network's input and outputs; the second output is there where the contract corrects commands."""
+"""Names of the network's input and outputs; the second output is present where the contract corrects commands."""
 
 UNIT_ERROR = 0.05
 """Largest difference of a quaternion's length from 1: orientation filters keep it within 0.001, and one of them sends
-16-bit integers; all zeros, of an IMU that has not started, would be taken for level."""
+16-bit integers; all zeros, of an IMU that has not started, would count as level."""
 
 
 class Network:
-    """A network in ONNX, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
+    """ONNX network, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
 
     def __init__(self, model: bytes, observation_size: int, num_actions: int, estimates: bool = False) -> None:
         """Load the network from its bytes, once its file, every operator, size and its work are known to be in bounds.
@@ -44,7 +44,7 @@ class Network:
         """Return the actions, (N, J), and the velocity of the base [m/s], (N, 2), or None, all float32.
 
         observation: float32, shape (N, size). Raises `PolicyError`: the network fails on an input of the right shape,
-        or returns what is not finite.
+        or returns a value that is not finite.
         """
         try:
             outputs = self._session.run(self._outputs, {INPUT: observation})
@@ -60,9 +60,9 @@ class Network:
 
 
 def check_model(model: bytes, observation_size: int, num_actions: int, estimates: bool = False) -> int:
-    """Return the multiplications that a network takes in one step of one robot; nothing runs for it.
+    """Return the multiplications of a network in one step of one robot; nothing is run for it.
 
-    Raises `BundleError`: not a network that is run here, see `read_network` and `check_network`, or one with other
+    Raises `BundleError`: an unsupported network, see `read_network` and `check_network`, or one with other
     inputs and outputs than (batch, observation_size), (batch, num_actions) and, if it `estimates`, (batch, 2).
     """
     file = read_network(model)
@@ -86,7 +86,7 @@ def open_session(model: bytes) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
-    # Else it would look into the bytes for its own format, which nobody has checked.
+    # Otherwise it would look into the bytes for its own format, which nobody has checked.
     options.add_session_config_entry("session.load_model_format", "ONNX")
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
@@ -104,7 +104,7 @@ def _check_port(side: str, port: Port, name: str, size: int) -> None:
 
 @dataclass(frozen=True)
 class PolicyStep:
-    """What one step of the policy computed."""
+    """Result of one step of the policy."""
 
     observation: np.ndarray
     """Input of the network, float32, shape (*batch, size)."""
@@ -119,8 +119,8 @@ class PolicyStep:
 class Policy:
     """Sensors and command in, joint targets out; holds the history and the last action of every robot.
 
-    This is the fast one, for simulators and batches: it knows no time and no names, and refuses only what is no
-    reading at all. On a machine use `deploy.robot_policy.RobotPolicy`, which asks for both.
+    This is the fast one, for simulators and batches: it knows no time and no names, and rejects only invalid numbers.
+    On a machine use `deploy.robot_policy.RobotPolicy`, which asks for both.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Policy:
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Forget the history and the last action of the robots in `mask` (bool, the batch's shape), of all without."""
+        """Forget the history and the last action of the robots in `mask` (bool, the batch's shape), or of all."""
         chosen = np.ones(self._batch, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
         self._builder.reset(chosen)
         self._last_action = np.where(chosen[..., None], np.float32(0.0), self._last_action)
@@ -151,10 +151,10 @@ class Policy:
         self._last_action = np.array(last_action, dtype=np.float32).reshape(self._last_action.shape)
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Advance by one control period; what is returned is the caller's own, to write into as well.
+        """Advance by one control period; the returned arrays are the caller's own, to write into as well.
 
         command: forward, sideways [m/s], turn [rad/s], shape (*batch, 3). Raises `PolicyError`: a sensor or the command
-        is not finite, a quaternion not of unit length, or friction is observed that neither contract nor caller says.
+        is not finite, a quaternion is not of unit length, or contract and caller lack the observed friction.
         """
         _check_reading(sensors, command)
         observation = self._builder.step(sensors, command, self._last_action)
@@ -168,7 +168,7 @@ class Policy:
         return PolicyStep(observation, action, target, None if velocity is None else velocity.reshape(*self._batch, -1))
 
     def rehearse(self, sensors: Sensors, command: np.ndarray) -> None:
-        """Compute what a step takes and forget it: the next one finds code and weights in the processor's cache.
+        """Compute a step and forget it: the next one finds code and weights in the processor's cache.
 
         A policy that runs every 20 ms and sleeps in between is several times slower without. Arguments: as of `step`.
         """
@@ -177,11 +177,11 @@ class Policy:
 
 
 def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
-    """Refuse what is no reading, of any robot of a batch; see `Policy.step`."""
-    given = (*sensors.arrays().items(), ("command", command))
-    # One pass over all of it in the usual case; which it was is asked only where something is wrong.
-    if not np.isfinite(np.concatenate([np.ravel(value) for _, value in given])).all():
-        name = next(name for name, value in given if not np.isfinite(value).all())
+    """Reject an invalid reading of any robot of a batch; see `Policy.step`."""
+    signals = (*sensors.arrays().items(), ("command", command))
+    # One pass over all of it in the usual case; the name is searched only where something is wrong.
+    if not np.isfinite(np.concatenate([np.ravel(value) for _, value in signals])).all():
+        name = next(name for name, value in signals if not np.isfinite(value).all())
         kind = "command" if name == "command" else f"sensor {name!r}"
         raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
     square = np.square(sensors.quaternion).sum(axis=-1)

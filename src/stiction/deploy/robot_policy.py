@@ -1,4 +1,4 @@
-"""The policy on a machine: asks for times and joints by name, refuses what no robot measures, hands out copies."""
+"""Policy on a machine: asks for times and joints by name, rejects implausible readings, returns copies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract
 
 Joints = Mapping[str, float] | Sequence[float] | np.ndarray
-"""One number for each joint: by name, or in the order that was given at the start."""
+"""Numbers for each joint: by name, or in the order that was given at the start."""
 
 STEPS_OF_RATE = 10
 """Steps over which the rate of the loop is averaged."""
@@ -26,12 +26,12 @@ STEPS_OF_RATE = 10
 
 @dataclass(frozen=True)
 class RobotStep:
-    """What the joints shall do for one control period. Writing into it changes nothing in the policy."""
+    """Joint targets for one control period. Writing into it changes nothing in the policy."""
 
     joint_names: tuple[str, ...]
-    """Order of `target`: that which the caller gave, else the contract's."""
+    """Order of `target`: the caller's if given, else the contract's."""
     target: np.ndarray
-    """Joint targets [rad]; of joints that the policy does not move, the angle at which they are held."""
+    """Joint targets [rad]; for joints that the policy does not move, the angle at which they are held."""
     policy: PolicyStep
 
     def targets(self) -> dict[str, float]:
@@ -40,66 +40,66 @@ class RobotStep:
 
 
 class JointOrder:
-    """The order of a caller's joints beside the contract's."""
+    """Order of a caller's joints against the contract's."""
 
     def __init__(self, contract: Contract, joint_names: Sequence[str] | None = None) -> None:
-        """Compare the names; raise `RobotError` where a joint is missing, unknown, or there twice.
+        """Compare the names; raise `RobotError` where a joint is missing, unknown, or doubled.
 
         joint_names: order of the caller's vectors: every joint of the contract, and joints that its robot holds rigid
         if the caller has them too; None: the caller gives mappings from names.
         """
         held = {} if contract.anatomy is None else {joint.name: joint.position for joint in contract.anatomy.held}
         self.names = contract.joint_names if joint_names is None else tuple(joint_names)
-        self.own = contract.joint_names
-        self._known = {*self.own, *held}
-        self.given = joint_names is not None
+        self.contract_names = contract.joint_names
+        self._known = {*self.contract_names, *held}
+        self.ordered = joint_names is not None
         self._check(self.names)
         place = {name: number for number, name in enumerate(self.names)}
-        self._from = np.array([place[name] for name in self.own])
+        self._from = np.array([place[name] for name in self.contract_names])
         self._rest = np.array([held.get(name, 0.0) for name in self.names])
 
     def _check(self, names: Sequence[str]) -> None:
         for name in names:
             if name not in self._known:
-                raise RobotError(unknown_name("joint", name, self.own))
-        if missing := [name for name in self.own if name not in names]:
-            raise RobotError(f"the joint {missing[0]!r} is missing; the policy moves {', '.join(self.own)}")
+                raise RobotError(unknown_name("joint", name, self.contract_names))
+        if missing := [name for name in self.contract_names if name not in names]:
+            raise RobotError(f"the joint {missing[0]!r} is missing; the policy moves {', '.join(self.contract_names)}")
         if len(set(names)) < len(names):
             twice = next(name for name in names if list(names).count(name) > 1)
-            raise RobotError(f"the joint {twice!r} is there twice; expected each once")
+            raise RobotError(f"joints: got {twice!r} twice, expected each once")
 
     def to_contract(self, values: Joints, what: str) -> np.ndarray:
-        """Return the caller's numbers in the contract's order, shape (J,); `what` they are, for messages.
+        """Return the caller's numbers in the contract's order, shape (J,); what: their name, for messages.
 
         Raises `RobotError` for names that are not the joints', and `PolicyError` for numbers without names.
         """
         if isinstance(values, Mapping):
             # This runs in the control loop: names are compared one by one only where something is wrong with them.
-            if not self._known.issuperset(values) or len(values) < len(self.own):
+            if not self._known.issuperset(values) or len(values) < len(self.contract_names):
                 self._check(tuple(values))
             try:
-                return np.array([values[name] for name in self.own], dtype=np.float64)
+                return np.array([values[name] for name in self.contract_names], dtype=np.float64)
             except KeyError:
                 self._check(tuple(values))
                 raise
-        if not self.given:
+        if not self.ordered:
             raise PolicyError(
                 f"{what} without names of joints; give a mapping from names, or the order once, as joint_names"
             )
-        found = np.asarray(values, dtype=np.float64)
-        if found.shape != (len(self.names),):
-            raise PolicyError(f"{what} has the shape {found.shape}; expected one number for each of {self.names}")
-        return found[self._from]
+        array = np.asarray(values, dtype=np.float64)
+        if array.shape != (len(self.names),):
+            raise PolicyError(f"{what} has the shape {array.shape}; expected one number for each of {self.names}")
+        return array[self._from]
 
     def from_contract(self, values: np.ndarray) -> np.ndarray:
-        """Return a new array in the caller's order of one in the contract's, shape (J,); held joints at their angle."""
-        found = self._rest.copy()
-        found[self._from] = values
-        return found
+        """Return an array of the contract's order, (J,), as a new one in the caller's; held joints at their angle."""
+        array = self._rest.copy()
+        array[self._from] = values
+        return array
 
 
 class RobotPolicy:
-    """One policy on one robot: `step` either returns targets for a reading that can be true, or raises."""
+    """One policy on one robot: `step` either returns targets for a plausible reading, or raises."""
 
     def __init__(
         self,
@@ -112,14 +112,14 @@ class RobotPolicy:
 
         policy: for one robot, as from `load_policy`; joint_names: order of the caller's vectors over joints, see
         `JointOrder`; None: mappings from names; limits: rule of `plausibility.RULES` -> its limit; infinity switches it
-        off. Raises `StictionError`: joints that are not the contract's, a limit of no rule, or a policy that is told
-        the friction of its joints, and nobody says it.
+        off. Raises `StictionError`: joints that are not the contract's, a limit of no rule, or a policy that observes
+        the friction of its joints, which is not known.
         """
         self.contract, self.order = contract, JointOrder(contract, joint_names)
         self.guard = ReadingGuard(contract, limits)
         if contract.observes_friction and contract.known_friction is None:
             raise PolicyError(
-                "this policy is told the friction of its joints, and its contract does not say what it is: export its "
+                "this policy observes the friction of its joints, which its contract does not have: export its "
                 "bundle again, with --joints for what a bench identified"
             )
         self._loop = ControlLoop(policy, contract)
@@ -134,7 +134,7 @@ class RobotPolicy:
 
     @property
     def note(self) -> str | None:
-        """What is assumed, because the bundle does not say it; None where nothing is."""
+        """Assumption about a value that the bundle does not have; None without one."""
         if not self.guard.assumed_range:
             return None
         return (
@@ -155,9 +155,9 @@ class RobotPolicy:
     ) -> RobotStep:
         """Return the joint targets of one control period.
 
-        A step that is refused leaves the policy as it was; what the robot shall do then is the caller's to know.
+        A refused step leaves the policy as it was; the caller has to decide what the robot does then.
 
-        time: of the measurement [s], on a clock that only advances; quaternion: of the base, of length 1, w x y z;
+        time: time of the measurement [s], on a clock that only advances; quaternion: of the base, of length 1, w x y z;
         angular_velocity: in its own frame [rad/s], shape (3,); joint_position, joint_velocity: [rad, rad/s], by name or
         in the caller's order; command: forward, sideways [m/s], turn [rad/s], shape (3,); now: the present on the same
         clock [s]; without it the age of the reading is not judged. Raises `ImplausibleError`: a rule is broken, see
@@ -202,8 +202,8 @@ def load_robot_policy(
 ) -> RobotPolicy:
     """Check a bundle and return its policy for one robot.
 
-    bundle: its directory, which is checked as `verify` does, or one that was checked; joint_names, limits: see
-    `RobotPolicy`; digest, key, allowed: of a directory alone, see `check_bundle`. Raises `StictionError` as both.
+    bundle: its directory, which is checked as `verify` does, or a checked bundle; joint_names, limits: see
+    `RobotPolicy`; digest, key, allowed: for a directory alone, see `check_bundle`. Raises `StictionError` as both.
     """
     if not isinstance(bundle, Bundle):
         bundle = check_bundle(bundle, digest, key, allowed).bundle

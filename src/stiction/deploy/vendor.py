@@ -1,4 +1,4 @@
-"""The maker's protocol: our joints in the maker's order, with its signs and zeros, held joints included. NumPy."""
+"""Protocol of the maker: our joints in the maker's order, with its signs and zeros, held joints included. NumPy."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from stiction.files.tables import write_csv
 
 
 class VendorMap:
-    """Turns joint angles of a policy into the maker's numbers, and back: maker's = sign · angle + offset."""
+    """Conversion of a policy's joint angles to the maker's numbers, and back: maker's = sign · angle + offset."""
 
     def __init__(self, contract: Contract) -> None:
         """Read the protocol of the contract's robot.
 
-        Raises `RobotError` where nobody said what it is.
+        Raises `RobotError` where it is not known.
         """
         robot = contract.anatomy
         if robot is None or robot.vendor is None:
@@ -29,11 +29,11 @@ class VendorMap:
         self.order = robot.vendor.order
         """Names of all joints, as the maker numbers them."""
         self._sign, self._offset = np.array(robot.vendor.sign), np.array(robot.vendor.offset)
-        own = {name: number for number, name in enumerate(contract.joint_names)}
+        numbers = {name: number for number, name in enumerate(contract.joint_names)}
         at = {joint.name: joint.position for joint in robot.held}
-        self._number = np.array([own.get(name, -1) for name in self.order])
+        self._number = np.array([numbers.get(name, -1) for name in self.order])
         self.held = self._number < 0
-        """Which of the maker's joints the policy does not move, bool, shape (M,)."""
+        """Mask of the maker's joints that the policy does not move, bool, shape (M,)."""
         self._places = np.array([self.order.index(name) for name in contract.joint_names])
         self._at = np.array([at.get(name, 0.0) for name in self.order])
 
@@ -54,19 +54,19 @@ class VendorMap:
         return self.ours(self._sign * values)
 
     def theirs(self, values: np.ndarray) -> np.ndarray:
-        """Return what has no direction, such as a gain, in the maker's order, (..., M); zero where joints are held."""
+        """Return values without direction, such as gains, in the maker's order, (..., M); zero for held joints."""
         # A held joint has the number -1, which is the zero at the end.
         return np.concatenate((values, np.zeros((*values.shape[:-1], 1))), axis=-1)[..., self._number]
 
     def ours(self, values: np.ndarray) -> np.ndarray:
-        """Return what has no direction, such as a temperature, in our order, (..., J)."""
+        """Return values without direction, such as temperatures, in our order, (..., J)."""
         return values[..., self._places]
 
 
 def write_maker_targets(bundle: Bundle, path: Path) -> None:
     """Write the targets of a bundle's recorded walk in the maker's order as CSV: `time` [s], and each joint [rad].
 
-    Played with the robot in the air they show, joint by joint, whether each turns as it should. Raises `RobotError`
+    Played with the robot in the air they show, joint by joint, if each turns as it should. Raises `RobotError`
     where the maker's order is not known.
     """
     maker = VendorMap(bundle.contract)

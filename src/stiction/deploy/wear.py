@@ -1,4 +1,4 @@
-"""The wear monitor: estimates each joint's friction from the observations of a walk, in NumPy.
+"""Wear monitor: estimates each joint's friction from the observations of a walk, in NumPy.
 
 Dry friction takes τ_f = f sign(θ'), so a joint with more of it has a larger error e = target - angle while it moves,
 and the mean of e·sign(θ') over a window of walking grows with f. Load, gains, damping and delay act on the same mean;
@@ -26,7 +26,7 @@ BODY_MOMENTS = 13
 
 
 class Moments:
-    """Turns two neighbouring frames into the features whose means over a window are the monitor's input."""
+    """Features of two neighbouring frames, whose means over a window are the monitor's input."""
 
     def __init__(self, layout: ObservationLayout, action_scale: float | np.ndarray) -> None:
         """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
@@ -75,19 +75,19 @@ class WearEstimate:
     """Mean of f/τ_max over the joints [-]."""
     level_interval95: tuple[float, float]
     unusual: bool
-    """Whether the window was unlike those that the map was fitted on, and the numbers are not to be trusted."""
+    """True if the window was unlike those that the map was fitted on, and the numbers are not to be trusted."""
     calibrated: bool
-    """Whether the intervals are those of virtual robots, or of the simulator that the map was fitted in."""
+    """True if the intervals are those of virtual robots, else of the simulator that the map was fitted in."""
     held: np.ndarray
     """Share of windows on virtual robots whose interval held the truth [-], shape (J,); NaN: not measured."""
     level_held: float
-    """The same of the level [-]."""
+    """Share of such windows for the level [-]."""
     untold: tuple[str | None, ...]
-    """Of each joint, then of the level: why this reading does not tell its friction; None where it does."""
+    """Reason why this reading does not tell the friction, for each joint, then for the level; None where it does."""
 
 
 class WearMonitor:
-    """Reads the policy's input and estimates the joints' friction after every window."""
+    """Monitor that reads the policy's input and estimates the joints' friction after every window."""
 
     def __init__(self, contract: Contract, model: WearModel) -> None:
         """Start with an empty window. model: the bundle's, or a calibrated one of the same policy.
@@ -130,7 +130,7 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     value = raw_estimate(model, mean)
     if calibration is None:
         shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
-        # The worse of the two maps that were tried: nobody knows which of them this one is like.
+        # The worse of the two maps that were tried: it is not known which of them this one is like.
         held = np.append(np.full(len(value) - 1, np.nan), min(HELD_UNCALIBRATED))
     else:
         shift, spread = np.array(calibration.shift), np.array([calibration.lower, calibration.upper])
@@ -151,13 +151,13 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
 
 
 def raw_estimate(model: WearModel, mean: np.ndarray) -> np.ndarray:
-    """Return the map's own estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
+    """Return the map's estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
     standard = _standard(model, mean)
     return np.where(model.estimated, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
 
 
 def is_unusual(model: WearModel, mean: np.ndarray) -> bool:
-    """Return whether a window is unlike those that the map was fitted on."""
+    """Return True if a window is unlike those that the map was fitted on."""
     return bool((_standard(model, mean) ** 2).mean() > model.unusual)
 
 
@@ -166,7 +166,7 @@ def _standard(model: WearModel, mean: np.ndarray) -> np.ndarray:
 
 
 def _untold(model: WearModel, unusual: bool, value: float, width: float) -> str | None:
-    """Return why a window does not show a target's friction: its value [-] and the width of its interval [-]."""
+    """Return the reason why a window does not show a friction: its value [-] and the width of its interval [-]."""
     if not math.isfinite(value):
         return "the map does not estimate it: a walk hardly depends on it"
     if unusual:

@@ -1,1 +1,1 @@
-"""How other simulators read what is made here."""
+"""Conversion of our results for other simulators and trainers, and of policies between formats."""

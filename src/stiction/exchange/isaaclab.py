@@ -1,4 +1,4 @@
-"""Isaac Lab: actuator groups with joint friction as an effort, and the coefficient of the older PhysX where asked for.
+"""Isaac Lab: actuator groups with joint friction as an effort, and the coefficient of the older PhysX on request.
 
 On PhysX from 5.6 on (Isaac Sim 5, 6) `friction`, `dynamic_friction` [N m] and `viscous_friction` [N m s/rad] of an
 actuator are what their names say. Before, `friction` was a unitless coefficient c, friction at most c (|F| + |T|) of
@@ -26,7 +26,7 @@ def isaaclab_snippet(
     """Return Python with one actuator group a joint; its name is the group's joint expression, a regular expression.
 
     assumed_load: |F| + |T| that the joint transmits [N + N m], for the coefficients of the older PhysX; without it none
-    are written; which: friction of a coefficient, and on Newton; newton: whether it is for that backend.
+    are written; which: friction of a coefficient, and on Newton; newton: True for that backend.
     """
     notes, held = _notes(joints, assumed_load, newton), frozenset() if newton else frozenset({"static_friction"})
     told = [headline(joints, held)]
@@ -69,7 +69,7 @@ def _at_rest(joint: JointPhysics, moving: float) -> float:
 
 
 def _notes(joints: list[JointPhysics], assumed_load: float | None, newton: bool) -> list[str]:
-    """Say which versions read this, then what was left out of each joint."""
+    """Return notes on the versions that read this, then on the values left out of each joint."""
     if newton:
         return notes_of(joints, "for Newton, the other backend of Isaac Lab 3: one number for rest and motion")
     general = [
@@ -80,7 +80,7 @@ def _notes(joints: list[JointPhysics], assumed_load: float | None, newton: bool)
     ]
     if assumed_load is None:
         general.append(
-            "no coefficient is written: it is f / (|F| + |T|), and nobody said the load; give --assumed-load"
+            "no coefficient is written: it is f / (|F| + |T|), and the load is not known; give --assumed-load"
         )
     else:
         general.append(

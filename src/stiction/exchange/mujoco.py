@@ -26,13 +26,13 @@ SLIDE_NOTE = (
 ROTOR_NOTE = "if the actuators of these joints have armature or damping, set both to 0: MuJoCo adds them to the joint's"
 
 TIMESTEP = 0.002
-"""MuJoCo's own default [s], where a model has none."""
+"""Default timestep of MuJoCo [s], where a model has none."""
 
 LARGE_DAMPING = 3.0
-"""A model's damping this many times the identified one probably stands for more than friction."""
+"""Ratio of a model's damping to the identified one above which it probably stands for more than friction."""
 
 NOT_KINEMATIC = frozenset({"default", "equality", "tendon", "actuator", "sensor"})
-"""Sections whose `joint` elements are no joints of the tree."""
+"""Sections whose `joint` elements are not joints of the tree."""
 
 ACTUATORS = frozenset(
     [
@@ -52,10 +52,10 @@ ACTUATORS = frozenset(
 """Elements of `<actuator>`; a default of any of them gives armature, damping and gear to all."""
 
 MOST_FILES = 64
-"""Files that a model includes."""
+"""Most files that a model includes."""
 
 BUDGET = {"iterations": (LEAST_ITERATIONS, 100), "ls_iterations": (LEAST_LS_ITERATIONS, 50)}
-"""Attribute of `<option>` -> least value under which friction holds, and MuJoCo's own."""
+"""Attribute of `<option>` -> least value under which friction holds, and MuJoCo's default."""
 
 Defaults = dict[str, tuple[dict[str, str], str | None]]
 """Default class -> attributes of one kind of element, and the class around it."""
@@ -85,21 +85,21 @@ def mujoco_snippet(joints: list[JointPhysics], timestep: float | None) -> Conver
 
 
 def model_joints(markup: Markup) -> dict[str, Tag]:
-    """Return the named joints of the kinematic tree; raise `StictionError` for what is no MJCF."""
+    """Return the named joints of the kinematic tree; raise `StictionError` for a file that is not MJCF."""
     if markup.tags[0].name not in ("mujoco", "mujocoinclude"):
         raise FileError(f"the model's root is <{markup.tags[0].name}>; expected <mujoco>")
-    found: dict[str, Tag] = {}
+    joints: dict[str, Tag] = {}
     for tag in markup.tags:
         name = tag.attributes.get("name")
         if tag.name == "joint" and name and not tag.inside & NOT_KINEMATIC:
-            found[name] = tag
-    return found
+            joints[name] = tag
+    return joints
 
 
 def joint_kinds(markup: Markup) -> dict[str, tuple[str, bool]]:
-    """Return name -> type of a joint (`hinge`, `slide`, `ball`, `free`), and whether an actuator drives it.
+    """Return name -> type of a joint (`hinge`, `slide`, `ball`, `free`), and True if an actuator drives it.
 
-    It does so itself, or by a fixed tendon; where the file has no actuators, all joints count as driven.
+    An actuator drives it itself, or by a fixed tendon; where the file has no actuators, all joints count as driven.
     """
     defaults, actuators = _defaults(markup, {"joint"}), _actuators(markup)
     driven = {tag.attributes.get(key) for tag in actuators for key in ("joint", "jointinparent")}
@@ -114,19 +114,19 @@ def joint_kinds(markup: Markup) -> dict[str, tuple[str, bool]]:
 
 
 def included_joints(markup: Markup, path: Path) -> dict[str, list[str]]:
-    """Return name of a file that a model includes -> the joints in it; what is not there is left out."""
-    found: dict[str, list[str]] = {}
+    """Return name of a file that a model includes -> the joints in it; missing files are left out."""
+    included: dict[str, list[str]] = {}
     left = [markup]
     while left:
         for tag in left.pop().tags:
             name = tag.attributes.get("file", "")
-            # MuJoCo looks beside the first file.
-            if tag.name == "include" and name not in found and (path.parent / name).is_file():
-                if len(found) == MOST_FILES:
+            # MuJoCo looks next to the first file.
+            if tag.name == "include" and name not in included and (path.parent / name).is_file():
+                if len(included) == MOST_FILES:
                     raise FileError(f"{path.name} includes more than {MOST_FILES} files; expected a robot")
                 left.append(parse_markup(read_model(path.parent / name), name))
-                found[name] = list(model_joints(left[-1]))
-    return {name: joints for name, joints in found.items() if joints}
+                included[name] = list(model_joints(left[-1]))
+    return {name: joints for name, joints in included.items() if joints}
 
 
 def patch_mujoco(
@@ -156,7 +156,7 @@ def patch_mujoco(
         values = joint_attributes(joint, step)
         if "damping" in values and powers:
             values["damping"] += " 0 0"
-        # On the joint itself, over whatever its classes say.
+        # On the joint itself, over the values of its classes.
         edits.append(markup.set_attributes(tag, values))
         damping = _float(_inherited(markup, tag, "damping", defaults) or "0")
         for actuator in rotors.driving(joint.name):
@@ -180,10 +180,10 @@ def patch_mujoco(
 
 
 def _budget_edits(markup: Markup, told: list[str]) -> list[Edit]:
-    """Return the changes of `<option>` that give the solver the budget which friction needs, and tell them."""
+    """Return the changes of `<option>` for the solver's budget that friction needs, and add a note on them."""
     options = [tag for tag in markup.tags if tag.name == "option"]
     stated = {key: tag.attributes[key] for tag in options for key in BUDGET if key in tag.attributes}
-    had = [int(np.nan_to_num(_float(stated.get(key, str(own))))) for key, (_, own) in BUDGET.items()]
+    had = [int(np.nan_to_num(_float(stated.get(key, str(default))))) for key, (_, default) in BUDGET.items()]
     if (objection := budget_objection(*had)) is None:
         return []
     told.append(f"{objection}: <option> has that now; a file that includes this one must not lower it")
@@ -201,17 +201,17 @@ def _actuators(markup: Markup) -> list[Tag]:
 
 @dataclass(frozen=True)
 class _Rotors:
-    """Armature and damping that stand at actuators; at the joint they count gear squared times."""
+    """Armature and damping of actuators; at the joint they count gear squared times."""
 
     markup: Markup
     actuators: list[Tag]
     defaults: Defaults
     powers: bool
-    """Whether any damping has powers of the speed."""
+    """True if any damping has powers of the speed."""
 
     @classmethod
     def of(cls, markup: Markup) -> _Rotors:
-        """Return those of a model."""
+        """Return the rotors of a model."""
         powers = any(len(tag.attributes.get("damping", "").split()) > 1 for tag in markup.tags if tag.name in ACTUATORS)
         return cls(markup, _actuators(markup), _defaults(markup, ACTUATORS), powers)
 
@@ -222,7 +222,7 @@ class _Rotors:
         ]
 
     def without(self, tag: Tag, joint: JointPhysics) -> tuple[dict[str, str], float]:
-        """Return the attributes that take from an actuator what its joint has now, and the damping there that goes."""
+        """Return the attributes that remove from an actuator what its joint has now, and the damping removed."""
         zeros, gone = {}, 0.0
         for name, value in (("armature", joint.armature), ("damping", joint.damping)):
             had = _inherited(self.markup, tag, name, self.defaults)
@@ -235,7 +235,7 @@ class _Rotors:
 
 
 def _notes(joints: list[JointPhysics], timestep: float) -> list[str]:
-    """Say what holds for all joints, then what was left out of each."""
+    """Return notes that hold for all joints, then on the values left out of each."""
     linear = [joint for joint in joints if joint.record.axis == "linear"]
     return notes_of(
         joints,
@@ -249,7 +249,7 @@ def _notes(joints: list[JointPhysics], timestep: float) -> list[str]:
 
 
 def _class_name(name: str) -> str:
-    """Return the name of a default class; names that XML would have to escape are refused."""
+    """Return the name of a default class; reject names that XML would have to escape."""
     if set(name) & set("<>&\"'"):
         raise ConfigurationError(
             f"joint name {name!r} does not fit an XML attribute; map it, --joint-map RECORDED=MODEL"
@@ -268,15 +268,15 @@ def _timestep(markup: Markup) -> float:
 
 def _defaults(markup: Markup, names: Container[str]) -> Defaults:
     """Return the attributes that every default class gives the elements called `names`."""
-    found: Defaults = {}
+    classes: Defaults = {}
     for tag in markup.tags:
         inside = next((up for up in markup.ancestors(tag) if up.name == "default"), None)
         if tag.name == "default":
             around = None if inside is None else inside.attributes.get("class", "main")
-            found.setdefault(tag.attributes.get("class", "main"), ({}, around))
+            classes.setdefault(tag.attributes.get("class", "main"), ({}, around))
         elif tag.name in names and inside is not None:
-            found[inside.attributes.get("class", "main")][0].update(tag.attributes)
-    return found
+            classes[inside.attributes.get("class", "main")][0].update(tag.attributes)
+    return classes
 
 
 def _inherited(markup: Markup, tag: Tag, attribute: str, defaults: Defaults) -> str | None:
@@ -287,9 +287,9 @@ def _inherited(markup: Markup, tag: Tag, attribute: str, defaults: Defaults) -> 
     child = (up.attributes["childclass"] for up in markup.ancestors(tag) if "childclass" in up.attributes)
     name: str | None = tag.attributes.get("class") or next(child, "main")
     while name is not None:
-        own, around = defaults.get(name, ({}, None if name == "main" else "main"))
-        if attribute in own:
-            return own[attribute]
+        values, around = defaults.get(name, ({}, None if name == "main" else "main"))
+        if attribute in values:
+            return values[attribute]
         name = around
     return None
 

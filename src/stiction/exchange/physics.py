@@ -1,4 +1,4 @@
-"""What a record gives a simulated joint, and what it does not: the part that every simulator shares."""
+"""Values that a record gives a simulated joint, and their gaps: the part that every simulator shares."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from stiction.identification.advice import CONDITIONS
 
 @dataclass(frozen=True)
 class JointPhysics:
-    """One joint of a model, from one record. What is None is left as the simulator has it."""
+    """Joint of a model, from one record. A value of None is left as the simulator has it."""
 
     name: str
-    """The joint in the model."""
+    """Name of the joint in the model."""
     recorded: str
-    """The record that it comes from."""
+    """Name of its record."""
     record: JointRecord
-    """The record itself."""
+    """Record of the joint."""
     friction: float | None
     """Coulomb friction, not negative [N m, or N]."""
     damping: float | None
@@ -27,34 +27,34 @@ class JointPhysics:
     armature: float | None
     """Inertia of rotor and gear at the joint [kg m², or kg]: from a bare motor alone."""
     notes: tuple[str, ...]
-    """What was left out, and why; one line each."""
+    """Notes on values left out, with their reasons; one line each."""
     represented: frozenset[str] = frozenset()
     """Quantities of the record beyond Coulomb friction that `friction` holds."""
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """What a converter returns."""
+    """Result of a converter."""
 
     text: str
     """Contents of the file."""
     joints: dict[str, str]
     """Joint of the model -> record."""
     notes: tuple[str, ...]
-    """What the simulator cannot hold, what was left out, and what to mind; all of it, for programs."""
+    """Notes on what the simulator cannot hold, what was left out, and what to mind; complete, for programs."""
     told: tuple[str, ...]
-    """The same in one line, and what else was changed in a model: the comment of the text."""
+    """Summary of the notes in one line, and further changes of a model: the comment of the text."""
     files: dict[str, str] = field(default_factory=dict)
     """Name -> contents, where a target has a file a joint; the text is then that of the first."""
 
     @classmethod
     def of(cls, text: str, joints: list[JointPhysics], notes: list[str], told: list[str]) -> Conversion:
-        """Return what became of some joints."""
+        """Return the conversion of some joints."""
         return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes), tuple(told))
 
 
 PAGE = 'the page "Which value goes where" of the documentation'
-"""Where the traps of every target stand."""
+"""Page with the traps of every target."""
 
 RICHER = ("static_friction", "stribeck_velocity", "load_coefficient")
 """Quantities of a record beyond Coulomb and viscous friction."""
@@ -64,9 +64,9 @@ Which = Literal["moving", "static"]
 
 
 def joint_physics(recorded: str, record: JointRecord, name: str | None = None, which: Which = "moving") -> JointPhysics:
-    """Return what the record `recorded` gives the joint `name` of a model (by default called the same).
+    """Return the physics that the record `recorded` gives the joint `name` of a model (by default of the same name).
 
-    Raises `StictionError` for a record of which nothing can be used.
+    Raises `StictionError` for a record without a usable value.
     """
     notes: list[str] = []
     if (objection := record.objection_to("inertia")) is not None:
@@ -105,7 +105,7 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None, w
 
 
 def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset()) -> list[str]:
-    """Name what the record knows beyond symmetric Coulomb and viscous friction, but for what is `represented`."""
+    """Return notes on the record's quantities beyond symmetric Coulomb and viscous friction, without `represented`."""
     # Three laws have a load coefficient, and no target has friction that follows one.
     regressor = record.load_regressor
     load = "" if regressor is None else f" of {LOAD_REGRESSORS[regressor]}"
@@ -126,16 +126,16 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
 
 
 def _in_motion(record: JointRecord) -> tuple[Estimate | None, Estimate | None]:
-    """Return Coulomb and viscous friction; the law's own where that has friction at rest."""
+    """Return Coulomb and viscous friction; those of the law where that has friction at rest."""
     if not stribeck_law(record):
         return record.coulomb_friction, record.viscous_friction
     # The best symmetric fit of such a joint has too much dry friction and too little viscous.
-    given = (record.friction_law or {}).get("parameters", {})
+    parameters = (record.friction_law or {}).get("parameters", {})
     coulomb, viscous = (
         # Not known where a motor's brake hides it.
         None
-        if name not in given and getattr(record, name) is None
-        else Estimate.from_dict(given.get(name), f"friction_law.parameters.{name}")
+        if name not in parameters and getattr(record, name) is None
+        else Estimate.from_dict(parameters.get(name), f"friction_law.parameters.{name}")
         for name in ("coulomb_friction", "viscous_friction")
     )
     return coulomb, viscous
@@ -150,7 +150,7 @@ def breakaway_text(record: JointRecord) -> str:
 
 
 def stribeck_law(record: JointRecord) -> bool:
-    """Return whether friction at rest was identified in N m: Coulomb and viscous friction are then the law's own."""
+    """Return True if friction at rest was identified in N m: Coulomb and viscous friction are then the law's own."""
     law = record.friction_law or {}
     return (
         law.get("law") in ("stribeck", "breakaway")
@@ -162,24 +162,24 @@ def stribeck_law(record: JointRecord) -> bool:
 def notes_of(
     joints: list[JointPhysics], *general: str, represented: frozenset[str] = frozenset(), rotor: str | None = None
 ) -> list[str]:
-    """Return who wrote a file, what holds for all its joints, and what is left out of each record, once.
+    """Return the origin of a file, notes that hold for all its joints, and notes on each record, once.
 
-    general: what holds for all joints; represented: see `beyond_coulomb`; rotor: what to say of a rotor inertia that
+    general: notes that hold for all joints; represented: see `beyond_coulomb`; rotor: text on a rotor inertia that
     the simulator has no place for.
     """
     notes = dict.fromkeys(("written by `stiction convert` from an identification", *general))
     for joint in joints:
-        own = [*joint.notes, *beyond_coulomb(joint.record, represented | joint.represented)]
+        joint_notes = [*joint.notes, *beyond_coulomb(joint.record, represented | joint.represented)]
         if rotor is not None and joint.armature is not None:
-            own.append(f"{rotor}: {number(joint.armature)} is left out")
-        notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in own)
+            joint_notes.append(f"{rotor}: {number(joint.armature)} is left out")
+        notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in joint_notes)
     return list(notes)
 
 
 def headline(joints: list[JointPhysics], represented: frozenset[str] = frozenset(), rotor: bool = True) -> str:
     """Return one line: the quantities that are left out, by record, and where the file explains the rest.
 
-    represented: see `beyond_coulomb`; rotor: whether the simulator has a place for a rotor's inertia.
+    represented: see `beyond_coulomb`; rotor: True if the simulator has a place for a rotor's inertia.
     """
     left: dict[str, list[str]] = {}
     for joint in joints:
@@ -225,7 +225,7 @@ def one_line(text: str) -> str:
 
 
 def _size(estimate: Estimate | None, label: str, notes: list[str]) -> float | None:
-    """Return an estimate of friction as simulators take it: what is below zero is zero, with a note."""
+    """Return an estimate of friction as simulators take it: zero if it is below zero, with a note."""
     if estimate is None:
         return None
     if estimate.value < 0:
@@ -234,7 +234,7 @@ def _size(estimate: Estimate | None, label: str, notes: list[str]) -> float | No
 
 
 def _armature(record: JointRecord, notes: list[str]) -> float | None:
-    """Return the rotor's inertia at the joint: a whole limb tells it behind the links, a bare motor without them."""
+    """Return the rotor's inertia at the joint: from a whole limb without the links, or from a bare motor."""
     if (rotor := record.combinations.get(ARMATURE)) is not None and rotor.interval95[0] > 0:
         return rotor.value
     if record.inertia is None:
@@ -256,7 +256,7 @@ def _armature(record: JointRecord, notes: list[str]) -> float | None:
 
 
 def _known_instead(record: JointRecord) -> str:
-    """Name the combinations that were identified in place of the parameters."""
+    """Return the combinations that were identified in place of the parameters, in words."""
     known = [f"{name} = {number(estimate.value)}" for name, estimate in record.combinations.items()]
     ratios = {"friction over torque limit": record.friction_ratio, "dead band": record.dead_band}
     if record.coulomb_friction is None:

@@ -1,6 +1,6 @@
-"""A proposed range of joint friction in newton metres, joint by joint.
+"""Proposed range of joint friction in newton metres, joint by joint.
 
-What is proposed are shares of each joint's torque limit, so that the limits must be known: of a robot, or of the joints
+A proposal is in shares of each joint's torque limit, so that the limits must be known: of a robot, or of the joints
 that were identified.
 """
 
@@ -17,30 +17,30 @@ from stiction.exchange.physics import Which, one_line
 
 @dataclass(frozen=True)
 class FrictionRange:
-    """Dry friction to draw for joints that have the same one."""
+    """Dry friction to draw for joints with the same range."""
 
     joints: tuple[str, ...]
-    """Their names in the robot's model."""
+    """Names of the joints in the robot's model."""
     low: float
-    """At rest [N m]."""
+    """Lowest friction at rest [N m]."""
     high: float
-    """At rest [N m]."""
+    """Highest friction at rest [N m]."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What is written."""
+    """Friction ranges to write."""
 
     ranges: tuple[FrictionRange, ...]
-    """In the order of the joints."""
+    """Ranges, in the order of the joints."""
     together: bool
-    """Whether one random number a robot is for all its joints; else one each."""
+    """True if one random number a robot is for all its joints; else one each."""
     moving: tuple[float, float]
     """Friction in motion over friction at rest [-], lowest and highest; 1 where they were not identified apart."""
     alone: float
     """Friction of a place with one number over friction at rest [-]."""
     notes: tuple[str, ...]
-    """What the range rests on."""
+    """Notes on the origin of the range."""
 
 
 def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float], which: Which = "moving") -> Recipe:
@@ -72,30 +72,30 @@ def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float], which: W
     if law == "stribeck" and not pair:
         raise FileError(f"'friction.static_ratio' is {ends!r}; expected the lowest and the highest, from 1 on")
     # No more than what is drawn, where the joint has a larger ratio than training takes.
-    one = max(_moving(training), 1.0 / ends[1]) if pair else _moving(training)
-    moving = (1.0 / ends[1], 1.0 / ends[0]) if pair else (one, one)
-    told = f"breakaway over moving: {1 / one:.3g}" if one < 1 else ""
+    ratio = max(_moving(training), 1.0 / ends[1]) if pair else _moving(training)
+    moving = (1.0 / ends[1], 1.0 / ends[0]) if pair else (ratio, ratio)
+    told = f"breakaway over moving: {1 / ratio:.3g}" if ratio < 1 else ""
     if told:
         told += "; a place with one number gets friction " + (
             "in motion (--friction static: at rest)" if which == "moving" else "at rest, and is braked by too much"
         )
-    said = (
+    lines = (
         f"written by `stiction convert`: method {friction['method']}, {100 * low:g} to {100 * high:g} % of each "
         f"joint's torque limit{' at rest' if told else ''}",
         told,
         str(training.get("text", "")),
     )
     together = friction.get("per", "robot") == "robot"
-    notes = tuple(one_line(text) for text in said if text)
-    return Recipe(ranges, together, moving, one if which == "moving" else 1.0, notes)
+    notes = tuple(one_line(text) for text in lines if text)
+    return Recipe(ranges, together, moving, ratio if which == "moving" else 1.0, notes)
 
 
 def _moving(training: Mapping[str, Any]) -> float:
     """Return friction in motion over that at rest of the joint that sets the level; 1 where they are not told apart."""
     joints = training.get("joints")
-    known = [one for one in joints.values() if isinstance(one, dict)] if isinstance(joints, dict) else []
+    known = [joint for joint in joints.values() if isinstance(joint, dict)] if isinstance(joints, dict) else []
     worst = max(
-        known, key=lambda one: one["friction_level"] if is_number(one.get("friction_level")) else 0.0, default={}
+        known, key=lambda joint: joint["friction_level"] if is_number(joint.get("friction_level")) else 0.0, default={}
     )
     ratios = [worst.get(name) for name in ("friction_ratio", "dynamic_ratio")]
     rest, motion = (ratio.get("value", 0.0) if isinstance(ratio, dict) else 0.0 for ratio in ratios)

@@ -1,4 +1,4 @@
-"""Which simulators an identification can be converted for, and which record each joint of a model takes."""
+"""Targets of a conversion, and the choice of the record for each joint of a model."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ OWN_PATTERNS = (*ISAAC_LAB, "mjlab")
 
 
 def _has_one_number(options: ConvertOptions) -> bool:
-    """Return whether the target has one number for friction at rest and in motion."""
+    """Return True if the target has one number for friction at rest and in motion."""
     return options.to not in ("bam", "joints") and (options.to != "isaaclab" or options.assumed_load is not None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertOptions:
-    """What to convert to, and how."""
+    """Target of a conversion, and its options."""
 
     to: Target
     """The simulator, trainer or format. All take the values of a joints.json; the range of a training.json goes to the
@@ -76,8 +76,8 @@ class ConvertOptions:
     timestep: float | None = field(default=None, metadata=needs("--to mujoco"))
     """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
     assumed_load: float | None = field(default=None, metadata=needs("--to isaaclab or legged_gym"))
-    """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
-    the values, or in place of the range."""
+    """Assumed |F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, right at this load only: in
+    addition to the values, or in place of the range."""
     friction: Which = field(default="moving", metadata=needs("a --to with one number for friction", _has_one_number))
     """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more.
     bam, joints and Isaac Lab on PhysX get both; for isaaclab it is for --assumed-load."""
@@ -87,7 +87,7 @@ class ConvertOptions:
     the wildcards of --joint-map match."""
 
     def check(self) -> None:
-        """Raise `StictionError` for numbers without meaning, and for options that the target would ignore."""
+        """Raise `StictionError` for numbers without meaning, and for options that the target ignores."""
         for name in ("timestep", "assumed_load"):
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
@@ -122,7 +122,7 @@ class Source:
 
 @dataclass(frozen=True)
 class TargetSpec:
-    """What is written for one target; what it does not take is None."""
+    """Writers of one target; None for an input that it does not take."""
 
     values: Callable[[Source], Conversion]
     """Writer of the values of a `joints.json`."""
@@ -155,7 +155,7 @@ def _values_of(template: Template) -> Callable[[Source], Conversion]:
 
 
 def _ranges_of(template: Template, newton: bool = False) -> Callable[[Recipe, ConvertOptions], Conversion]:
-    """Return the writer of ranges into the text of a trainer; newton: whether it is Isaac Lab on Newton."""
+    """Return the writer of ranges into the text of a trainer; newton: True for Isaac Lab on Newton."""
 
     def write(recipe: Recipe, options: ConvertOptions) -> Conversion:
         apart = template is ISAACLAB and options.assumed_load is None
@@ -215,9 +215,9 @@ RANGES = tuple(name for name, spec in TARGETS.items() if spec.ranges)
 
 
 def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints.json")) -> Conversion:
-    """Return a `joints.json` in the form that a simulator reads; path: of the file, for mjlab, which reads it itself.
+    """Return a `joints.json` in the form that a simulator reads; path: its file, for mjlab, which reads it itself.
 
-    Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
+    Raises `StictionError` for a model that cannot be read or does not fit, and for records without usable values.
     """
     options.check()
     to, pairs = options.to, parse_joint_map(options.joint_map)
@@ -247,7 +247,7 @@ def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints
 def _into_urdf(
     file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup, options: ConvertOptions
 ) -> Conversion:
-    """Return a URDF with the records of its joints; patterns take those that move as their record's axis."""
+    """Return a URDF with the records of its joints; patterns take joints that move as their record's axis."""
     kinds = {name: tag.attributes.get("type", "") for name, tag in urdf_joints(markup).items()}
 
     def takes(record: str, joint: str) -> bool:
@@ -259,9 +259,9 @@ def _into_urdf(
 def _into_mujoco(
     file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup, options: ConvertOptions
 ) -> Conversion:
-    """Return an MJCF with the records of its joints; patterns take those that are driven, and move as their axis.
+    """Return an MJCF with the records of its joints; patterns take driven joints that move as their axis.
 
-    Raises `StictionError`, as where the joints stand in a file that this one includes.
+    Raises `StictionError`, also where the joints stand in a file that this one includes.
     """
     kinds, passive = joint_kinds(markup), dict[str, None]()
 
@@ -276,10 +276,10 @@ def _into_mujoco(
         joints = _joints(file, pairs, list(kinds), takes, options.friction)
     except ConfigurationError as error:
         assert options.model is not None
-        for name, others in included_joints(markup, options.model).items():
-            more = f" and {len(others) - MOST_NAMES} more" if len(others) > MOST_NAMES else ""
+        for name, included in included_joints(markup, options.model).items():
+            more = f" and {len(included) - MOST_NAMES} more" if len(included) > MOST_NAMES else ""
             raise ConfigurationError(
-                f"{error}; {options.model.name} includes {name}, which has {', '.join(others[:MOST_NAMES])}{more}: "
+                f"{error}; {options.model.name} includes {name}, which has {', '.join(included[:MOST_NAMES])}{more}: "
                 f"give --model {options.model.parent / name}"
             ) from error
         raise
@@ -289,7 +289,7 @@ def _into_mujoco(
 def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     """Return the range of a `training.json` as a framework draws it.
 
-    Raises `StictionError` where it proposes nothing, where a torque limit is not known, and for options that would be
+    Raises `StictionError` for a proposal without a range, an unknown torque limit, and options that would be
     ignored.
     """
     options.check()
@@ -317,16 +317,16 @@ def torque_limits(path: Path, robot: str | None) -> dict[str, float]:
 
         spec = find_robot(robot)
         return dict(zip(spec.joint_names, spec.joint_values("torque_limit").tolist(), strict=True))
-    beside = path.parent / "joints.json"
-    if not beside.is_file():
+    joints_file = path.parent / "joints.json"
+    if not joints_file.is_file():
         raise FileError(
             f"{path.name} proposes shares of torque limits, and no joints.json with limits lies beside it; give --robot"
         )
-    limits = {name: record.torque_limit for name, record in load_joints(beside).joints.items()}
+    limits = {name: record.torque_limit for name, record in load_joints(joints_file).joints.items()}
     known = {name: limit for name, limit in limits.items() if limit is not None}
     if len(known) < len(limits):
         missing = next(name for name in limits if name not in known)
-        raise FileError(f"joint {missing!r} has no torque limit in {beside.name}; give --robot")
+        raise FileError(f"joint {missing!r} has no torque limit in {joints_file.name}; give --robot")
     return known
 
 

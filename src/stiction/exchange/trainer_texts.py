@@ -1,4 +1,4 @@
-"""Python that is pasted into the trainers of others: one text a trainer, for values and for ranges of joint friction.
+"""Python texts to paste into other trainers: one a trainer, for values and for ranges of joint friction.
 
 Each text has the friction of a joint as its lowest and highest value [N m], the same twice where it is not drawn, and
 viscous friction [N m s/rad] and armature [kg m²] where those were identified.

@@ -1,7 +1,7 @@
 """URDF: `<dynamics damping= friction=>`. It has no rotor inertia, and no difference between rest and motion.
 
 Parsers that build a tree forget quotes, order and white space. Here expat only says where each tag stands, and the
-bytes of a few start tags are edited. Document types and entities are refused: no robot needs them, and they let a file
+bytes of a few start tags are edited. Document types and entities are rejected: no robot needs them, and they let a file
 read others or grow without bound.
 """
 
@@ -18,51 +18,51 @@ from stiction.core.files import read_bounded
 from stiction.exchange.physics import Conversion, JointPhysics, check_axis, headline, known, notes_of, one_line
 
 LARGEST = 16_000_000
-"""Bytes of a model; meshes are files of their own."""
+"""Largest model [B]; meshes are files of their own."""
 
 DEEPEST = 256
-"""Elements within each other."""
+"""Deepest nesting of elements."""
 
 Edit = tuple[int, int, bytes]
-"""Start, end, and what to put between them."""
+"""Start, end, and new bytes between them."""
 
 
 @dataclass(frozen=True)
 class Tag:
-    """An element, with the byte offset of its start tag."""
+    """Element, with the byte offset of its start tag."""
 
     name: str
-    """Such as `joint`."""
+    """Name, such as `joint`."""
     attributes: dict[str, str]
-    """As the parser gives them."""
+    """Attributes, as the parser gives them."""
     start: int
     """Offset of its `<` [bytes]."""
     end: int
     """Offset after the `>` of the start tag [bytes]."""
     parent: int | None
-    """Index of the element that it is in; None for the root."""
+    """Index of the element around it; None for the root."""
     inside: frozenset[str]
-    """Names of all the elements that it is in."""
+    """Names of all the elements around it."""
 
 
 @dataclass(frozen=True)
 class Markup:
-    """A document and its elements, in the order of their start tags."""
+    """Document with its elements, in the order of their start tags."""
 
     data: bytes
-    """The document."""
+    """Bytes of the document."""
     tags: tuple[Tag, ...]
-    """Its elements; the root is the first."""
+    """Elements of the document; the root is the first."""
     closes: dict[int, int]
     """Index of an element that does not close itself -> offset of its end tag [bytes]."""
 
     def ancestors(self, tag: Tag) -> list[Tag]:
         """Return the elements that hold `tag`, the nearest first."""
-        found = []
+        around = []
         while tag.parent is not None:
             tag = self.tags[tag.parent]
-            found.append(tag)
-        return found
+            around.append(tag)
+        return around
 
     def set_attributes(self, tag: Tag, values: dict[str, str]) -> Edit:
         """Return the edit that sets attributes of a tag, see `set_attributes`."""
@@ -89,9 +89,9 @@ def read_model(path: Path) -> bytes:
 
 
 def parse_markup(data: bytes, where: str) -> Markup:
-    """Find every element of a document; `where` is named in messages.
+    """Return every element of a document; where: name in messages.
 
-    Raises `StictionError` for what is not well-formed UTF-8 XML, and for document types and entities.
+    Raises `StictionError` for a file that is not well-formed UTF-8 XML, and for document types and entities.
     """
     tags: list[Tag] = []
     closes: dict[int, int] = {}
@@ -141,18 +141,18 @@ def set_attributes(tag: bytes, values: dict[str, str]) -> bytes:
     waiting = dict(values)
     pieces, at = [], 0
     last = _NAME.match(tag).end()  # type: ignore[union-attr]
-    for found in _ATTRIBUTE.finditer(tag, last):
-        last = found.end()
-        new = waiting.pop(found["name"].decode("utf-8"), None)
+    for match in _ATTRIBUTE.finditer(tag, last):
+        last = match.end()
+        new = waiting.pop(match["name"].decode("utf-8"), None)
         if new is not None:
-            pieces += [tag[at : found.start("value")], b'"' + new.encode() + b'"']
-            at = found.end()
+            pieces += [tag[at : match.start("value")], b'"' + new.encode() + b'"']
+            at = match.end()
     appended = "".join(f' {name}="{value}"' for name, value in waiting.items()).encode()
     return b"".join([*pieces, tag[at:last], appended, tag[last:]])
 
 
 def xml_comment(lines: list[str]) -> str:
-    """Return lines as one XML comment; what would end it early is broken up."""
+    """Return lines as one XML comment; a text that would end it early is broken up."""
     text = "\n".join(f"  {line}" for line in lines)
     # Again and again: of three hyphens one replacement leaves two.
     while "--" in text:
@@ -167,9 +167,9 @@ _QUOTED_OR_END = re.compile(rb""""[^"]*"|'[^']*'|>""")
 
 def _tag_end(data: bytes, start: int) -> int:
     """Return the offset after the `>` that ends the start tag at `start`; a `>` within quotes does not."""
-    for found in _QUOTED_OR_END.finditer(data, start):
-        if found[0] == b">":
-            return found.end()
+    for match in _QUOTED_OR_END.finditer(data, start):
+        if match[0] == b">":
+            return match.end()
     return len(data)
 
 
@@ -188,7 +188,7 @@ def urdf_snippet(joints: list[JointPhysics]) -> Conversion:
 
 
 def urdf_joints(markup: Markup) -> dict[str, Tag]:
-    """Return the joints of a robot; raise `StictionError` for what is no URDF."""
+    """Return the joints of a robot; raise `StictionError` for a file that is not a URDF."""
     if markup.tags[0].name != "robot":
         raise FileError(f"the model's root is <{markup.tags[0].name}>; expected <robot> (a URDF; expand xacro first)")
     return {
@@ -201,7 +201,7 @@ def urdf_joints(markup: Markup) -> dict[str, Tag]:
 def patch_urdf(markup: Markup, joints: list[JointPhysics]) -> Conversion:
     """Return the robot with damping and friction of `joints` set, and a comment after the root tag.
 
-    A `<dynamics>` that is there is changed, else one is put last in the joint. Everything else stays as it was. Raises
+    An existing `<dynamics>` is changed, else one is put last in the joint. Everything else stays as it was. Raises
     `StictionError` for a joint type that does not fit the record's axis.
     """
     tree, notes = urdf_joints(markup), _notes(joints)
@@ -218,9 +218,9 @@ def patch_urdf(markup: Markup, joints: list[JointPhysics]) -> Conversion:
 def _edit(markup: Markup, tag: Tag, joint: JointPhysics) -> Edit:
     """Return the change of one joint."""
     index = markup.tags.index(tag)
-    there = next((item for item in markup.tags if item.name == "dynamics" and item.parent == index), None)
-    if there is not None:
-        return markup.set_attributes(there, _values(joint))
+    dynamics = next((item for item in markup.tags if item.name == "dynamics" and item.parent == index), None)
+    if dynamics is not None:
+        return markup.set_attributes(dynamics, _values(joint))
     close = markup.closes.get(index)
     if close is None:
         raise FileError(f"joint {joint.name!r} is empty: it has neither parent nor child; expected a whole URDF")
@@ -241,7 +241,7 @@ def _dynamics(joint: JointPhysics) -> bytes:
 
 
 def _notes(joints: list[JointPhysics]) -> list[str]:
-    """Say what URDF cannot hold, then what was left out of each joint."""
+    """Return notes on the limits of URDF, then on the values left out of each joint."""
     return notes_of(
         joints,
         "MuJoCo reads damping and friction from a URDF, with default solver settings under which the joint creeps "

@@ -21,16 +21,16 @@ _TOKEN = re.compile(rb'#[^\n]*|"(?:\\.|[^"\\])*"|%<|[{}\[\]]|"|[^\s,{}\[\]"#%]+|
 
 @dataclass
 class Node:
-    """A node: `HingeJointParameters { ... }`."""
+    """Node, such as `HingeJointParameters { ... }`."""
 
     kind: str
-    """Its type."""
+    """Type of the node."""
     start: int
     """Offset after its `{` [bytes]."""
     parent: int | None
-    """Index of the node that it is in."""
+    """Index of the node around it."""
     words: list[tuple[str, int, int]] = field(default_factory=list)
-    """Its own words and quoted strings, those of nodes within it apart: text, start and end [bytes]."""
+    """Words and quoted strings of the node, without those of nodes within it: text, start and end [bytes]."""
 
     def value(self, name: str) -> tuple[str, int, int] | None:
         """Return the word after the field `name`; None where the node has no such field."""
@@ -40,9 +40,9 @@ class Node:
 
 
 def parse_nodes(data: bytes, where: str) -> list[Node]:
-    """Return every node, in the order of their braces; `where` is named in messages.
+    """Return every node, in the order of their braces; where: name in messages.
 
-    Raises `StictionError` for what is not UTF-8, and for quotes, braces or templates that do not close.
+    Raises `StictionError` for a file that is not UTF-8, and for quotes, braces or templates that do not close.
     """
     try:
         data.decode("utf-8")
@@ -51,8 +51,8 @@ def parse_nodes(data: bytes, where: str) -> list[Node]:
     nodes: list[Node] = []
     inside: list[int] = []
     word, at = "", 0
-    while (found := _TOKEN.search(data, at)) is not None:
-        at, token = found.end(), found[0]
+    while (match := _TOKEN.search(data, at)) is not None:
+        at, token = match.end(), match[0]
         if token == b"%<":
             at = data.find(b">%", at) + 2
             # Where there is none, find gives -1, and 2 were added.
@@ -70,7 +70,7 @@ def parse_nodes(data: bytes, where: str) -> list[Node]:
         elif token not in (b"[", b"]", b"%") and not token.startswith(b"#"):
             word = token.decode("utf-8")
             if inside:
-                nodes[inside[-1]].words.append((word, found.start(), found.end()))
+                nodes[inside[-1]].words.append((word, match.start(), match.end()))
     if inside:
         raise FileError(f"{where}: a brace does not close; expected a PROTO or a world")
     return nodes
@@ -121,13 +121,13 @@ def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Convers
         space = body[: len(body) - len(body.lstrip())] or b" "
         added = b""
         for name, value in _fields(joint).items():
-            there = node.value(name)
-            if there is None:
+            existing = node.value(name)
+            if existing is None:
                 added += space + f"{name} {value}".encode()
-            elif there[0] == "IS":
+            elif existing[0] == "IS":
                 raise FileError(f"joint {joint.name!r}: {name} is bound to a parameter of the PROTO; set it there")
             else:
-                edits.append((there[1], there[2], value.encode()))
+                edits.append((existing[1], existing[2], value.encode()))
         edits.append((node.start, node.start, added))
     # The first line says what the file is, and has to stay the first.
     first = data.find(b"\n") + 1
@@ -137,14 +137,14 @@ def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Convers
 
 
 def _fields(joint: JointPhysics) -> dict[str, str]:
-    """Return what is known of a joint as Webots calls it; refuse a linear axis."""
+    """Return the known values of a joint by Webots' fields; reject a linear axis."""
     if joint.record.axis == "linear":
         raise FileError(f"record {joint.recorded!r} is of a linear axis; HingeJointParameters are for rotary ones")
     return known(staticFriction=joint.friction, dampingConstant=joint.damping)
 
 
 def _notes(joints: list[JointPhysics]) -> list[str]:
-    """Say under which control this acts, then what was left out of each joint."""
+    """Return notes on the control under which this acts, then on the values left out of each joint."""
     return notes_of(
         joints,
         "staticFriction acts only under torque control (setTorque); under position or velocity control Webots ignores "

@@ -1,4 +1,4 @@
-"""Evidence behind a verdict: friction of public robots, that from which on policies suffer, the training that follows.
+"""Evidence behind a verdict: friction of public robots, friction at which policies fail, and the advised training.
 
 Of public robots only entries of one condition can be compared with each other: a bare motor, a leg in the air and a
 loaded joint differ by factors. `place` ranks a joint among those of its own condition. What somebody wrote into a
@@ -30,7 +30,7 @@ from stiction.files.onset import OnsetEvidence, shipped_onsets
 Quantity = Literal["friction_ratio", "dead_band"]
 
 CONDITIONS = {"bare_motor": "on a bare motor", "in_air": "on a leg in the air", "loaded": "under load"}
-"""Condition of an entry, and of a log -> the same in words."""
+"""Condition of an entry, and of a log -> its words."""
 
 _DLS = "https://github.com/iit-DLSLab/sim2real-robot-identification"
 
@@ -43,7 +43,7 @@ SOURCES = {
     "bam": "https://github.com/Rhoban/bam, bam/params/<motor>/m1.json at ea21610; stall torque at 14.8 V from "
     "https://emanual.robotis.com/docs/en/dxl/mx/",
 }
-"""Short name -> where the numbers were read."""
+"""Short name -> source of the numbers."""
 
 
 @dataclass(frozen=True)
@@ -59,22 +59,22 @@ class Entry:
     friction: float
     """Coulomb friction [N m]."""
     torque_limit: float
-    """[N m]."""
+    """Torque limit [N m]."""
     source: str
     """Key of `SOURCES`."""
     note: str
-    """How it was found, or what to know about it."""
+    """Method of the identification, or a remark."""
     kp: float | None = None
     """Proportional gain of the test [N m/rad]; None where unknown."""
 
     @property
     def friction_ratio(self) -> float:
-        """f/τ_max [1]."""
+        """Ratio f/τ_max [1]."""
         return self.friction / self.torque_limit
 
     @property
     def dead_band(self) -> float | None:
-        """f/kp [rad], None without a gain."""
+        """Dead band f/kp [rad], None without a gain."""
         return None if self.kp is None else self.friction / self.kp
 
 
@@ -107,15 +107,15 @@ class Placement:
     """Rank of a joint among public joints that were measured under the same condition."""
 
     quantity: Quantity
-    """What is compared."""
+    """Compared quantity."""
     condition: str
     """Condition of the joint and of every entry that it is compared with."""
     below: int
-    """Entries whose value is not larger."""
+    """Number of entries whose value is not larger."""
     count: int
-    """Comparable entries."""
+    """Number of comparable entries."""
     text: str
-    """The same in one sentence, with the nearest entries, and how many lie within the joint's 95 % interval: the rank
+    """Sentence on the rank, with the nearest entries, and how many lie within the joint's 95 % interval: the rank
     is not known better than that."""
 
 
@@ -147,28 +147,28 @@ def place(record: JointRecord, quantity: Quantity) -> Placement | None:
 
 
 TRAINED_IN = "mujoco"
-"""Engine of the training: the others are elsewhere."""
+"""Engine of the training; all other engines are elsewhere."""
 
 TRAINED_UNDER = "coulomb"
 """Friction law of the trainings that are compared."""
 
 ALIKE = 0.05
-"""Difference of shares that a handful of seeds does not tell: a choice."""
+"""Difference of shares that a handful of seeds does not resolve: a choice."""
 
 TOLD_APART = 0.05
-"""Two trainings are told apart where an exact permutation test of their seeds gives at most this p."""
+"""Largest p of an exact permutation test of their seeds at which two trainings are told apart."""
 
 TOLD = "told"
-"""Method that observes its joints' friction: it is shown, and not chosen, for the robot has to tell it."""
+"""Method that observes its joints' friction: shown and never chosen, for the robot would have to know it."""
 
 PLACES = {TRAINED_IN: "in the simulator of the training", "physx": "in PhysX", "ode": "in ODE", "ode-webots": "in ODE"}
-"""Engine -> how people call it; a plus in its name means a virtual robot."""
+"""Engine -> its words; a plus in its name means a virtual robot."""
 
 RATIOS = (1.0, 10.0)
-"""Least and most friction at rest over that in motion that training takes."""
+"""Least and largest ratio of friction at rest to friction in motion that training takes."""
 
 SLOWEST = 0.005
-"""Stribeck velocity [rad/s], at least: under it what a held joint creeps by in simulation would make it let go."""
+"""Least Stribeck velocity [rad/s]: below it the creep of a held joint in simulation would release it."""
 
 AT_ONCE = (0.02, 0.1)
 """Stribeck velocities [rad/s] of a joint whose log shows a fall at once, the law `breakaway`: a choice. Simulated steps
@@ -177,7 +177,7 @@ of some ms let no joint move slower than that once it moves."""
 
 @cache
 def shipped() -> dict[str, Source]:
-    """Return what comes with the package."""
+    """Return the advice that comes with the package."""
     return read_advice(Path(__file__).parent / "advice.json")
 
 
@@ -186,15 +186,15 @@ class Thresholds:
     """Friction that troubled policies trained without it, on one axis: least and most of the robots and gains."""
 
     noticed: tuple[float, float]
-    """Where they lost a tenth of their speed under some command."""
+    """Friction at which they lost a tenth of their speed under some command."""
     onset: tuple[float, float]
-    """Where they stopped following."""
+    """Friction at which they stopped following."""
     text: str
-    """What friction did to which policies, a clause."""
+    """Clause on the policies and their loss."""
 
 
 def thresholds(axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
-    """Return what the study of onsets shows on an axis. evidence: by default what comes with the package."""
+    """Return the onsets of the study on an axis. evidence: by default what comes with the package."""
     evidence = evidence or shipped_onsets()
     noticed, onset = evidence.middles(axis, noticed=True), evidence.middles(axis)
     robots = sorted({condition.robot.partition("@")[0] for condition in evidence.conditions})
@@ -213,11 +213,11 @@ FORWARD = (
     "met friction, with 75 % of it fed forward by the measured speed, goes straight as told at 10, 20 and 30 % "
     "(`results/compensation`, one policy); with an f that is 50 % too high joints may hunt"
 )
-"""The first way without a training; its source is held by a test."""
+"""Advice on compensation, the first way without a training; a test holds its source."""
 
 
 def other_ways(evidence: OnsetEvidence | None = None) -> str:
-    """Return what helps against friction beside a training: feed it forward, raise the gain, mend the joint.
+    """Return the remedies other than a training: feed friction forward, raise the gain, repair the joint.
 
     evidence: by default what comes with the package.
     """
@@ -246,19 +246,19 @@ def span_text(axis: str, values: Sequence[float]) -> str:
 
 @dataclass(frozen=True)
 class Advice:
-    """What to train with, and what that rests on."""
+    """Advised training, and its evidence."""
 
     method: str
-    """Training that is advised."""
+    """Advised training."""
     asked: float
-    """Highest friction that was asked for [-]."""
+    """Highest friction of the request [-]."""
     levels: tuple[float, ...]
-    """Tested friction at which the trainings were compared, the nearest below and above what was asked included [-]."""
+    """Tested friction levels of the comparison, the nearest below and above the request included [-]."""
     cells: Mapping[str, tuple[CommandCount, ...]]
     """Training -> commands followed at these levels, in the simulator of the training."""
     elsewhere: tuple[CommandCount, ...]
     """Commands that the policies of each training follow in other engines and on virtual robots, the advised first, in
-    each at the tested level nearest to the highest asked for; empty where nobody has walked there."""
+    each at the tested level nearest to the highest request; empty where nobody has walked there."""
     source: Source
     """Part of the study."""
     robot: str | None = None
@@ -266,36 +266,36 @@ class Advice:
 
     @property
     def covered(self) -> bool:
-        """True if every seed, of three or more, follows at the friction that was asked for and all others compared."""
+        """True if every seed, of three or more, follows at the requested friction and at all levels compared."""
         return self.asked in self.levels and _all_covered(self.cells[self.method], self.levels)
 
     @property
     def as_good(self) -> dict[str, float]:
         """Trainings that are not told from the advised one -> p of the commands that each seed follows at the levels.
 
-        Neither `TOLD`, nor a training whose seeds are not known one by one.
+        `TOLD` is left out, and trainings whose seeds are not known one by one.
         """
-        own = _by_seed(self.cells[self.method])
-        found = {
-            name: permutation_p(own, _by_seed(cells))
+        advised = _by_seed(self.cells[self.method])
+        p_values = {
+            name: permutation_p(advised, _by_seed(cells))
             for name, cells in self.cells.items()
             if name not in (self.method, TOLD)
         }
-        return {name: p for name, p in found.items() if p is not None and p > TOLD_APART}
+        return {name: p for name, p in p_values.items() if p is not None and p > TOLD_APART}
 
     @property
     def training(self) -> TrainedWith:
-        """How the policies of the method were trained."""
+        """Training of the method's policies."""
         return self.source.methods[self.method]
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Fields of `FrictionCfg` that train so."""
+        """Fields of `FrictionCfg` for this training."""
         return {"method": self.training.method, "level": self.training.level, "law": TRAINED_UNDER, "per": "robot"}
 
     @property
     def range(self) -> list[float]:
-        """Friction that training then draws, least and most, over the torque limit [-]."""
+        """Friction that this training draws, least and most, over the torque limit [-]."""
         return [self.training.low * self.training.level, self.training.high * self.training.level]
 
     @property
@@ -306,13 +306,13 @@ class Advice:
 
     @property
     def command(self) -> str:
-        """Command that trains so, with the preset of the advised policies."""
+        """Command for this training, with the preset of the advised policies."""
         preset = re.search(r" --preset[ =]\S+", self.source.command)
         return "stiction train --friction-from training.json" + (preset.group() if preset else "")
 
     @property
     def coverage(self) -> str:
-        """Answer to whether the training covers what was asked, its counts, and the robot that they are of."""
+        """Sentences on the training's coverage of the request, its counts, and their robot."""
         cells, asked, beyond = self.cells[self.method], _percent(self.asked), self.asked > self.levels[-1]
         same = [cell for cell in cells if cell.friction_level == self.asked]
         if self.covered:
@@ -345,8 +345,8 @@ class Advice:
 
     @property
     def comparison(self) -> str:
-        """What policies of the other methods do at the same levels, and all of them elsewhere."""
-        others = [
+        """Sentences on the other methods at the same levels, and on all methods elsewhere."""
+        methods = [
             f"{name}{', which the robot has to tell its friction,' if name == TOLD else ''} {_counts(cells)}"
             for name, cells in self.cells.items()
             if name != self.method
@@ -356,9 +356,9 @@ class Advice:
             place = "on virtual robots" if "+" in cell.engine else PLACES.get(cell.engine, f"in {cell.engine}")
             worst = f" (worst {cell.worst})" if cell.worst and cell.method == self.method else ""
             places.setdefault(place, []).append(f"{cell.method} {_counts([cell])}{worst}")
-        text = f"Other methods: {'; '.join(others)}. " if others else ""
-        said = "; ".join(f"{place} {', '.join(own)}" for place, own in places.items())
-        return f"{text}Elsewhere: {said or 'nobody has walked there'}."
+        text = f"Other methods: {'; '.join(methods)}. " if methods else ""
+        elsewhere = "; ".join(f"{place} {', '.join(counts)}" for place, counts in places.items())
+        return f"{text}Elsewhere: {elsewhere or 'nobody has walked there'}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
@@ -376,7 +376,7 @@ class Advice:
 
 
 def advise(low: float, high: float, sources: Mapping[str, Source] | None = None, robot: str | None = None) -> Advice:
-    """Return which training to choose for friction from `low` to `high`, shares of the torque limit [-].
+    """Return the training for friction from `low` to `high`, shares of the torque limit [-].
 
     The trainings are compared at the tested levels from the last that is not above `low` to the first that is not below
     `high`, or to the highest, in the simulator of the training: first by whether every seed, of three or more, follows
@@ -384,7 +384,7 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
     mean miss. Where none does the first, those within `ALIKE` of the best share are alike, and the widest range counts:
     what was not measured may have another friction. `TOLD` is compared and never chosen.
 
-    sources: as of `read_advice`; by default what comes with the package; robot: whose joint it is, by its name.
+    sources: as of `read_advice`; by default what comes with the package; robot: name of the robot with the joint.
     """
     source = (shipped() if sources is None else sources)[TRAINING]
     low, high = round(low, 9), round(high, 9)
@@ -405,7 +405,7 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
         best = max(alike, key=lambda name: (source.methods[name].width, ranks[name]))
     elsewhere: dict[tuple[str, str], CommandCount] = {}
     # Rounded, or the last bits of a difference would decide between two that are as near: the lower does.
-    for cell in sorted(source.cells, key=lambda one: (round(abs(one.friction_level - high), 9), one.friction_level)):
+    for cell in sorted(source.cells, key=lambda item: (round(abs(item.friction_level - high), 9), item.friction_level)):
         if cell.method in source.methods and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
             elsewhere.setdefault((cell.engine, cell.method), cell)
     order = [best, *source.methods]
@@ -416,26 +416,26 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
 def _by_seed(cells: Sequence[CommandCount]) -> list[int]:
     """Return the commands that each seed follows over several levels; empty where that is not known of all of them."""
     each = [cell.by_seed for cell in cells]
-    alike = bool(each) and len({len(own) for own in each}) == 1
-    return [sum(own) for own in zip(*each, strict=True)] if alike else []
+    alike = bool(each) and len({len(counts) for counts in each}) == 1
+    return [sum(counts) for counts in zip(*each, strict=True)] if alike else []
 
 
 def _rank(cells: Sequence[CommandCount], levels: Sequence[float]) -> tuple[bool, float, float]:
-    """Return how well a training does: covered, share of cells that are followed, least miss; the more the better."""
+    """Return the rank of a training: covered, share of followed cells, least miss; larger is better."""
     total = sum(cell.cells for cell in cells)
     share = sum(cell.followed for cell in cells) / total
     return _all_covered(cells, levels), share, -sum(cell.miss * cell.cells for cell in cells) / total
 
 
 def _all_covered(cells: Sequence[CommandCount], levels: Sequence[float]) -> bool:
-    """Return whether a training follows with every seed, of three or more, at every one of the levels."""
+    """Return True if a training follows with every seed, of three or more, at every one of the levels."""
     return len(cells) == len(levels) and all(cell.covered for cell in cells)
 
 
 def _nearly_covered(cell: CommandCount) -> bool:
-    """Return whether 95 % of the pairs of seed and command are followed, of three seeds or more, and no miss is large.
+    """Return True if 95 % of the pairs of seed and command are followed, of three seeds or more, and no miss is large.
 
-    A miss under a tenth of a m/s (rad/s) is one that nobody would see.
+    A miss below a tenth of a m/s (rad/s) is not visible.
     """
     return cell.seeds >= FEWEST_SEEDS and cell.followed >= 0.95 * cell.cells and cell.largest_miss <= DRIFT
 
@@ -446,12 +446,12 @@ def _counts(cells: Sequence[CommandCount]) -> str:
 
 
 def _percent(level: float) -> str:
-    """Return a share of the torque limit as people read it."""
+    """Return a share of the torque limit in per cent, as text."""
     return f"{100 * level:.4g} %"
 
 
 def draw_rise(record: JointRecord, coulomb: Mapping[str, Any]) -> tuple[dict[str, Any], str] | None:
-    """Return settings that draw friction at rest and in motion, the law `stribeck`, and the same in words.
+    """Return settings that draw friction at rest and in motion, the law `stribeck`, and their words.
 
     The level of that law is friction in motion, and the advice is of friction at rest under Coulomb's law, where the
     two are one. So the level is divided by the ratio: at rest as much is drawn as in the training that is counted, in

@@ -1,4 +1,4 @@
-"""What a log must be before anything is estimated from it; every refusal is one line that names the row or column."""
+"""Checks of a log before anything is estimated from it; every refusal is one line that names the row or column."""
 
 from __future__ import annotations
 
@@ -14,65 +14,65 @@ from stiction.identification.setup import LARGEST_VALUE
 from stiction.identification.timing import FEWEST_PER_CYCLE, Grid, Timing, even_grid, resample
 
 FEWEST_SAMPLES = 200
-"""Below this no interval can be trusted."""
+"""Fewest samples of a log: with fewer no interval can be trusted."""
 
 FEWEST_POOLED = 60
-"""Samples of one of several runs, below which nothing is left of it between the filter's ends."""
+"""Fewest samples of one of several runs: with fewer nothing is left of it between the filter's ends."""
 
 LARGEST_TIME = 1e20
-"""Stamps may count from 1970, in whatever unit: what is not in seconds is refused by its own message."""
+"""Largest stamp: stamps may count from 1970 in any unit; one that is not in seconds gets a message of its own."""
 
 SMALLEST_RANGE = 1e-12
-"""Less than this between the extremes of a signal, in SI units, is no motion."""
+"""Smallest range of a signal in motion, in SI units."""
 
 LARGEST_JUMP = {"torque": 50.0, "position": 20.0}
-"""A step from sample to sample this many times the 99th percentile of all steps is a damaged sample, not physics.
+"""Largest step from sample to sample, over the 99th percentile of all steps: more is a damaged sample, not physics.
 
-Of a position, a step that differs so from those beside it: noise of an encoder and stops make at most some 3."""
+For a position, a step that differs so from its neighbours: noise of an encoder and stops make at most some 3."""
 
 FEWEST_VALUES = 10
-"""A measured signal with fewer different values is constant but for its last digit."""
+"""Fewest different values of a measured signal: with fewer it is constant but for its last digit."""
 
 LARGEST_REACH = 20.0
-"""No leg's joint turns three times round [rad]; in degrees every gait passes this."""
+"""Largest range of a leg's joint [rad]: none turns three times round; in degrees every gait passes this."""
 
 FEWEST_REVERSALS = 4
-"""The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""
+"""Fewest changes of the velocity's sign: friction and offset differ only in their effect when the joint turns."""
 
 
 class PoorMotion(LogError):
-    """The motion does not tell what is asked of it.
+    """Error for motion that does not excite a joint enough to identify it.
 
-    `seen` says in what, `remedy` what to do where no cause is known.
+    `seen` states the deficiency, `remedy` the advice where no cause is known.
     """
 
     def __init__(self, where: str, seen: str, remedy: str) -> None:
-        """`where`: the log and its joint, for the message."""
+        """Set the message; where: the log and its joint."""
         self.where, self.seen = where, seen
         super().__init__(f"{where}: excitation too poor: {seen}; {remedy}")
 
     def because(self, cause: str) -> LogError:
-        """Return the error with a cause that is known in place of the usual one."""
+        """Return the error with a known cause in place of the usual one."""
         return LogError(f"{self.where}: {self.seen}: {cause}")
 
 
 SMALL_MOTION = 0.1
-"""Range of another joint over that of the joint in question from which on it is said to move too [1]."""
+"""Range of another joint over that of the identified one above which it counts as moving too [1]."""
 
 
-def moving_beside(log: Log, joint: str) -> tuple[str, ...]:
+def other_moving_joints(log: Log, joint: str) -> tuple[str, ...]:
     """Return the other joints of a log that move while this one does."""
     ranges = {
-        name: float(np.ptp(one.position[np.isfinite(one.position)]))
-        for name, one in log.joints.items()
-        if one.position is not None and np.isfinite(one.position).any()
+        name: float(np.ptp(signals.position[np.isfinite(signals.position)]))
+        for name, signals in log.joints.items()
+        if signals.position is not None and np.isfinite(signals.position).any()
     }
-    own = ranges.get(joint, 0.0)
-    return tuple(name for name, reach in ranges.items() if name != joint and reach > SMALL_MOTION * own > 0)
+    reference = ranges.get(joint, 0.0)
+    return tuple(name for name, reach in ranges.items() if name != joint and reach > SMALL_MOTION * reference > 0)
 
 
 def coupled_text(moving: Sequence[str]) -> str:
-    """Say what other joints in motion do to a joint that is taken to move alone; at least one."""
+    """Describe the effect of other joints in motion on a joint that is taken to move alone; at least one."""
     named = ", ".join(moving[:MOST_NAMED]) + (
         f" and {len(moving) - MOST_NAMED} more" if len(moving) > MOST_NAMED else ""
     )
@@ -84,7 +84,7 @@ def coupled_text(moving: Sequence[str]) -> str:
 
 
 MOST_NAMED = 4
-"""Joints that a message names."""
+"""Largest number of joints named in a message."""
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,14 @@ class Uniform:
     feedforward: np.ndarray | None = None
     """u, torque that the controller adds to that of its gains [N m], or None; the target carries it (`runs`)."""
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
-    """False where so many samples are missing that the signals are guesses; by default True everywhere."""
+    """False where too many samples are missing to interpolate the signals; by default True everywhere."""
     bridged: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """True in a long gap, where no signal is known, the target neither; by default nowhere."""
     timing: Timing | None = None
-    """How good the stamps were, or None if nobody looked."""
+    """Quality of the stamps, or None if it was not examined."""
 
     def __post_init__(self) -> None:
-        """Take every sample as valid, and none as bridged, unless something else was said."""
+        """Take every sample as valid, and none as bridged, by default."""
         for name, value in (("valid", True), ("bridged", False)):
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.full(len(self.time), value))
@@ -170,7 +170,7 @@ def check_log(
 
 
 def _check_presence(log: Log, joint: str, signals: JointSignals) -> None:
-    """Refuse a joint without position, and one without torque whose torque cannot be computed from the target."""
+    """Reject a joint without position, and one without torque whose torque cannot be computed from the target."""
     if signals.position is None:
         raise LogError(
             f"{log.source}: joint {joint!r} has no position; log position.{joint} or map a column to it: position=NAME"
@@ -183,7 +183,7 @@ def _check_presence(log: Log, joint: str, signals: JointSignals) -> None:
 
 
 def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None:
-    """Refuse a signal that hardly varies, and one with samples that are out of line with their neighbours.
+    """Reject a signal that hardly varies, and one with samples that are out of line with their neighbours.
 
     A position does not jump; torque may jump and stay, but not there and back at once. A target may do what it likes.
     """
@@ -214,7 +214,7 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
 
 
 def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:
-    """Refuse motion from which friction cannot be told from offset, or that is sampled too slowly.
+    """Reject motion from which friction cannot be told from offset, or that is sampled too slowly.
 
     velocity: filtered θ' [rad/s]; step [s].
     """

@@ -19,58 +19,58 @@ from stiction.identification.regression import MAX_INFLATION, Fit, fit_rows, pre
 from stiction.identification.runs import Run
 
 FOLDS = 10
-"""Blocks of which one is left out at a time."""
+"""Number of blocks in cross-validation; one is left out at a time."""
 
 MAX_GRAVITY_INFLATION = 30.0
-"""Inflation of the gravity terms beyond which the load that they stand for is guesswork."""
+"""Inflation of the gravity terms above which the load that they stand for is not known."""
 
 SIMULATED = ("breakaway", "effort")
-"""Laws that simulation alone can choose: rows are of a joint in motion, and the motor's torque is what they explain."""
+"""Laws that only simulation can choose: rows hold motion alone, and the motor's torque is what they explain."""
 
 LAW_PARAMETER_SUFFIXES = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
-"""How the names of the friction laws' parameters end."""
+"""Endings of the names of friction parameters."""
 
 NOT_NEGATIVE = ("viscous", "coulomb", "load", "static")
-"""How the names of parameters begin that are friction: a law in which one is below zero is not chosen."""
+"""Beginnings of the names of friction parameters; a law with one below zero is not chosen."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """How one law fares."""
+    """Result of one candidate law."""
 
     law: Law
     """The law."""
     parameters: int
-    """How many it has."""
+    """Number of its parameters."""
     held_out: float
-    """Torque not explained in blocks that the fit did not see, over the torque [1]."""
+    """Torque error on blocks that the fit did not see, over the torque [1]."""
     gain: float
-    """By how much it lowers the simplest law's held-out squared error, a share of it; negative is worse."""
+    """Reduction of the simplest law's held-out squared error, as a share of it; negative is worse."""
     gain_std: float
     """Standard deviation of the gain, from the scatter of the blocks."""
     evidence: float
-    """Information criterion of the simplest law less its own: positive speaks for it."""
+    """Information criterion of the simplest law less that of this one; positive speaks for this law."""
     verdict: str
-    """Chosen, or why not, in words."""
+    """`chosen`, or the reason why not, in words."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The law that was chosen and what it was chosen from."""
+    """Chosen friction law and its candidates."""
 
     model: Model
-    """Chosen."""
+    """Model with the chosen law."""
     candidates: tuple[Candidate, ...]
-    """All that were tried, the simplest first."""
+    """All candidates, the simplest first."""
 
     @property
     def law(self) -> Law:
-        """Its law."""
+        """Name of the chosen law."""
         return self.model.law
 
     @property
     def text(self) -> str:
-        """One sentence for people."""
+        """Sentence for people about the choice."""
         if self.law == "coulomb":
             return "No richer law than viscous and Coulomb friction predicts unseen blocks better beyond noise."
         chosen = next(candidate for candidate in self.candidates if candidate.law == self.law)
@@ -81,7 +81,7 @@ class Choice:
 
 
 def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
-    """Choose among the laws that the log can tell; base: the fit of viscous and Coulomb friction."""
+    """Choose among the laws that the log can distinguish; base: the fit of viscous and Coulomb friction."""
     gravity = base.model.gravity
     middle = float(rows.position.min() + rows.position.max()) / 2
     loaded = gravity or np.ptp(rows.load) > 0
@@ -141,16 +141,16 @@ def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray
 
 @dataclass(frozen=True)
 class GravityChoice:
-    """Whether gravity pulls on the link, as the log says."""
+    """Choice between a model with and without gravity."""
 
     chosen: bool
-    """Whether it is fitted."""
+    """True if gravity is fitted."""
     gain: Gain | None
-    """By how much it lowers the held-out squared error; None where gravity and inertia cannot be told apart."""
+    """Reduction of the held-out squared error; None where gravity and inertia cannot be told apart."""
 
     @property
     def text(self) -> str:
-        """One sentence for people."""
+        """Sentence for people about the choice."""
         if self.gain is None:
             return "gravity was not fitted: in this motion it cannot be told from inertia or friction"
         lower = f"on blocks that the fit did not see it lowers the squared error by {self.gain.mean:.0%}"
@@ -158,10 +158,10 @@ class GravityChoice:
 
 
 def choose_gravity(run: Run) -> GravityChoice | None:
-    """Say whether the log wants gravity, by held-out error; None where that was stated.
+    """Choose by held-out error whether to fit gravity; None where the user stated it.
 
-    It is asked where nobody said what hung on a rotary joint, and where it was loaded, which may or may not be by a
-    weight. A known payload is gravity already, and would not be told from more of it.
+    A choice is made for a rotary joint without a stated load, or with a load that may or may not be a weight. A known
+    payload already is gravity, and could not be told from more of it.
     """
     setup = run.setup
     stated = setup.gravity is not None or setup.test_condition not in (None, "loaded")
@@ -177,20 +177,20 @@ def choose_gravity(run: Run) -> GravityChoice | None:
 
 
 def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> str:
-    """Return why a law cannot be chosen, or nothing."""
+    """Return the reason why a law cannot be chosen, empty where it can."""
     if fit is base:
         return ""
-    found = fit.by_name
+    values = fit.by_name
     unidentified = [
         name for name in fit.names if name.endswith(LAW_PARAMETER_SUFFIXES) and fit.inflation[name] > MAX_INFLATION
     ]
     if unidentified:
         return f"the motion does not tell {unidentified[0]}"
-    if fit.model.law == "stribeck" and found["static_friction"] <= found["coulomb_friction"]:
+    if fit.model.law == "stribeck" and values["static_friction"] <= values["coulomb_friction"]:
         return "friction does not rise toward rest"
     if fit.model.law == "load" and not load_known(fit):
         return LOAD_UNKNOWN
-    if negative := negative_friction(found):
+    if negative := negative_friction(values):
         return negative
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
@@ -211,14 +211,14 @@ def load_known(fit: Fit) -> bool:
 
 
 def negative_friction(values: Mapping[str, float]) -> str:
-    """Return which friction of a law's values, by name, is below zero, in words; nothing where none is."""
+    """Describe the first friction parameter below zero among a law's values by name; empty where none is."""
     negative = [name for name, value in values.items() if name.startswith(NOT_NEGATIVE) and value < 0]
     return f"its friction would drive the joint: {negative[0]} is {values[negative[0]]:.3g}" if negative else ""
 
 
 def _least_friction(fit: Fit, rows: Rows) -> float:
     """Return the least friction of a position law over the angles of the log [N m]."""
-    found = fit.by_name
+    values = fit.by_name
     away = np.linspace(rows.position.min(), rows.position.max(), 50) - fit.model.middle
-    friction = found["coulomb_friction"] + found["position_slope"] * away + found["position_curvature"] * away**2
+    friction = values["coulomb_friction"] + values["position_slope"] * away + values["position_curvature"] * away**2
     return float(friction.min())

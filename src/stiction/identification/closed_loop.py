@@ -1,4 +1,4 @@
-"""The closed loop as a function of its unknowns: what the log would have shown, and the derivatives of that.
+"""Closed loop as a function of its unknowns: the signals that the log would show, and their derivatives.
 
 A loop that is late by d as a whole computes its torque from target, angle and speed of d ago. To second order in d
 this is a loop without delay whose target is late by d, on a joint with inertia I − kd d + kp d²/2 and viscous friction
@@ -25,20 +25,20 @@ from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.joints.variation import Segments, segments, vary
 
 EXTRAS = ("delay", "log_bias", "motor_strength")
-"""What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle minus the loop's own [rad]; with
+"""Possible unknowns of the loop. `delay`: d [s]. `log_bias`: the log's angle minus the loop's [rad]; with
 torque it is an offset that the torque lacks, without torque one with the joint's offset. `motor_strength`: torque
 delivered over the torque asked for [1], which is the log's; only a known load shows it."""
 
 START = ("start_position", "start_velocity")
-"""θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
+"""Initial state: θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; fitted, though of no interest."""
 
 
 SETTLED = 1e-5
-"""Change of the path between two passes of a simulation at which it is taken [rad]: the next one would change it by a
+"""Change of the path between two passes of a simulation below which it is accepted [rad]: the next changes it by a
 tenth of that or less, well below any encoder's step."""
 
 FARTHEST = 1e3
-"""Distance of a simulated joint from the measured one at which it has run away [rad]."""
+"""Distance of a simulated joint from the measured one above which it has run away [rad]."""
 
 
 class LoopError(StictionError):
@@ -47,21 +47,21 @@ class LoopError(StictionError):
 
 @dataclass(frozen=True)
 class Response:
-    """What the log would have shown; arrays of shape (num_samples,)."""
+    """Signals that the log would show; arrays of shape (num_samples,)."""
 
     motion: Trajectory
-    """The motion in the loop's frame."""
+    """Motion in the loop's frame."""
     position: np.ndarray
-    """As the log has it [rad]."""
+    """Position as the log has it [rad]."""
     torque: np.ndarray
-    """Asked for by the controller, as late as it is [N m]."""
+    """Torque that the controller asks for, with its delay [N m]."""
     joint: Joint
-    """What was simulated, delays included."""
+    """Simulated joint, delays included."""
     gains: PDGains
     """Gains with the motor's strength."""
 
     def thinned(self, pieces: int) -> Response:
-        """Return the same on every so many-th sample."""
+        """Return the same response on every so many-th sample."""
         motion = self.motion.thinned(pieces)
         return replace(self, motion=motion, position=self.position[::pieces], torque=self.torque[::pieces])
 
@@ -72,7 +72,7 @@ class ClosedLoop:
     def __init__(
         self, signals: Uniform, gains: PDGains, model: Model, fixed: dict[str, float], velocity_delay: float = 0.0
     ) -> None:
-        """`fixed`: unknowns whose value is known; the others come with each call. velocity_delay: δ [s]."""
+        """Set up the loop. fixed: unknowns of known value; the others come with each call; velocity_delay: δ [s]."""
         self.signals, self.gains, self.model, self.velocity_delay = signals, gains, model, velocity_delay
         self.fixed = dict.fromkeys(EXTRAS, 0.0) | {"motor_strength": gains.strength} | fixed
         self.goal = np.asarray(signals.target, float)
@@ -80,7 +80,7 @@ class ClosedLoop:
         self.outside = signals.disturbance
         """Torque that acts from outside, the correction of the late loop included [N m], shape (num_samples,)."""
         self.settled = SETTLED
-        """Change of the path between two passes at which a simulation is taken [rad]."""
+        """Change of the path between two passes below which a simulation is accepted [rad]."""
 
     def delayed(self, values: np.ndarray, time: float) -> np.ndarray:
         """Return `values` of shape (num_samples,) or (num_samples, n) as they were `time` seconds before."""
@@ -96,7 +96,7 @@ class ClosedLoop:
     def run(self, free: dict[str, float], guess: np.ndarray | None = None) -> Response:
         """Simulate the joint under its controller.
 
-        free: values of what is not fixed; guess: roughly the motion [rad], shape (num_samples,).
+        free: values of the unknowns that are not fixed; guess: approximate motion [rad], shape (num_samples,).
 
         Raises:
             LoopError: no joint has these values, or its motion does not settle, or runs away.
@@ -134,7 +134,7 @@ class ClosedLoop:
         return Response(motion, motion.position + values["log_bias"], np.clip(commanded, -limit, limit), joint, gains)
 
     def correct(self, response: Response, free: dict[str, float]) -> None:
-        """Add what the late controller gave along a simulated path beyond the joint that stands for it.
+        """Add the torque of the late controller along a simulated path that the equivalent joint lacks.
 
         free: values that were simulated. The next simulation has that torque from outside.
         """
@@ -148,13 +148,13 @@ class ClosedLoop:
             gains.strength * self._commanded(gains, target, motion, delay), -gains.torque_limit, gains.torque_limit
         )
         acceleration = np.gradient(motion.velocity, self.signals.step)
-        stand_in = pd_torque(gains, target, motion.position, motion.velocity)
-        stand_in = stand_in + late * acceleration + kp * delay * motion.velocity
+        equivalent = pd_torque(gains, target, motion.position, motion.velocity)
+        equivalent = equivalent + late * acceleration + kp * delay * motion.velocity
         disturbance = 0.0 if self.signals.disturbance is None else self.signals.disturbance
-        self.outside = disturbance + exact - stand_in
+        self.outside = disturbance + exact - equivalent
 
     def _commanded(self, gains: PDGains, target: np.ndarray, motion: Trajectory, delay: float) -> np.ndarray:
-        """Return what the controller asks for, before any limit [N m], shape (num_samples,)."""
+        """Return the torque that the controller asks for, before any limit [N m], shape (num_samples,)."""
         velocity = self.delayed(motion.velocity, delay + self.velocity_delay)
         return gains.kp * (target - self.delayed(motion.position, delay)) - gains.kd * velocity
 
@@ -233,24 +233,24 @@ def _vary(response: Response, pieces: Segments, torques: list[np.ndarray], start
 
 
 TRUSTED = 0.1
-"""Relative size of logged torque − PD torque, at the lateness that suits it best, up to which the declared controller
-is believed and simulated."""
+"""Relative size of logged torque − PD torque, at the best lateness, up to which the declared controller is trusted
+and simulated."""
 
 LONGEST_LATENESS = 0.04
-"""Lateness of a loop that is looked for before its torque is called another multiple [s]."""
+"""Longest lateness of a loop that is searched before its torque counts as another multiple [s]."""
 
 LATENESS_STEPS = 20
-"""Steps that it is looked for in, before single samples about the best one."""
+"""Number of coarse steps of that search, before single samples about the best one."""
 
 
 @dataclass(frozen=True)
 class Mismatch:
-    """How the logged torque differs from the declared controller's."""
+    """Difference between the logged torque and the declared controller's."""
 
     size: float
-    """|τ_logged − PD(target, position, velocity)| / |τ_logged| [1]."""
+    """Relative difference |τ_logged − PD(target, position, velocity)| / |τ_logged| [1]."""
     rest: float
-    """The same at the lateness that suits it best, a constant apart [1]."""
+    """Relative difference at the best lateness, a constant apart [1]."""
     scales: tuple[float, float]
     """Multiples of kp (target − position) and of −kd θ' that, with a constant and a lateness, come nearest to the
     logged torque [1]; 1 where a lateness alone leaves at most `EXPLAINED`."""
@@ -262,7 +262,7 @@ class Mismatch:
 
 
 EXPLAINED = 0.03
-"""Relative size of what is left where lateness alone explains the rest, and no multiple is looked for."""
+"""Relative difference up to which lateness alone explains a torque, and no multiple is searched."""
 
 
 def controller_mismatch(
@@ -272,7 +272,7 @@ def controller_mismatch(
 
     signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
     (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant difference is not held
-    against it. Samples in a long gap, or within a period of the filter of one, do not count, if there are any others.
+    (num_samples,); biased: True if the log's angle may be ahead of the controller's: a constant difference is then not
     """
     target = low_pass(np.asarray(signals.target), cutoff, signals.step)
     position = low_pass(signals.position, cutoff, signals.step)
@@ -293,7 +293,7 @@ def controller_mismatch(
 def _late_scales(
     signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: int
 ) -> tuple[float, tuple[float, float]]:
-    """Return what is left of a logged torque at the lateness that suits it best, and the multiples it is nearest to.
+    """Return the remainder of a logged torque at the best lateness, and the nearest multiples of both terms.
 
     A command takes its time to the motor, and so does what the motor reports on its way back: torque of now came from
     an angle of so many samples ago, and from a target older still; it may be early too, where the angle is late. With
@@ -313,15 +313,15 @@ def _late_scales(
         free = clear
 
     def fit(late: int, older: int) -> tuple[float, float, np.ndarray]:
-        """Return what is left at some lags, by the declared gains and by the nearest multiples, and those."""
+        """Return the remainder at some lags by the declared gains, that by the nearest multiples, and these."""
         reach = max(late, 0) + older
         rows = np.flatnonzero(free[reach : len(free) + min(late, 0)]) + reach - late
         spring = gains.kp * (target[rows - older] - position[rows])
         columns = np.stack([spring, damper[rows], np.ones(len(rows))], axis=1)
         measured = logged[rows + late]
-        found = np.linalg.lstsq(columns, measured, rcond=None)[0]
+        multiples = np.linalg.lstsq(columns, measured, rcond=None)[0]
         declared = float(np.var(measured - spring - damper[rows]) / np.mean(measured**2))
-        return declared, float(np.mean((measured - columns @ found) ** 2)), found
+        return declared, float(np.mean((measured - columns @ multiples) ** 2)), multiples
 
     # In wide steps over all lags, then sample by sample about the best pair.
     best, least, at, scales = np.inf, np.inf, (0, 0), np.ones(3)
@@ -329,12 +329,12 @@ def _late_scales(
     for step in sorted(steps, reverse=True):
         middle = at
         for late, older in _lags(most, step, None if step == max(steps) else middle, max(steps)):
-            declared, rest, found = fit(late, older)
+            declared, rest, multiples = fit(late, older)
             least = min(least, declared)
             if declared <= EXPLAINED**2:
                 return declared**0.5, (1.0, 1.0)
             if rest < best:
-                best, at, scales = rest, (late, older), found
+                best, at, scales = rest, (late, older), multiples
     return least**0.5, (float(scales[0]), float(scales[1]))
 
 

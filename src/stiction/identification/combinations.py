@@ -1,12 +1,12 @@
-"""What a log can and cannot tell: parameters where the torque's unit is known, otherwise what they are in units of k.
+"""Parameters that a log identifies: in SI units where the torque's unit is known, otherwise in units of k.
 
 A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
 by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
 its weight does not grow with k, and so does a known torque from outside; measured torque does too, if its unit is N m.
 
-The brake of a motor by voltage, kt ke/R, looks like viscous friction. Beside the user's word two sources tell it: a
-known weight, which tells kt/R, and with R so kt and ke; and runs of one joint with and without the current, of which
-only those without it have the brake in them.
+The brake of a motor by voltage, kt ke/R, looks like viscous friction. Two sources identify it where the user does not
+state it: a known weight, which gives kt/R, and with R so kt and ke; and runs of one joint with and without the
+current, of which only those without it have the brake in them.
 """
 
 from __future__ import annotations
@@ -34,19 +34,18 @@ OVER_K = {
 """Parameter -> the combination that is known where k is not known."""
 
 DAMPED = "(B + k·kd)/k"
-"""What takes the place of B/k where the controller's damping was not measured."""
+"""Combination in place of B/k where the controller's damping was not measured."""
 
 STRENGTH_ERROR = 0.005
-"""Share of k by which its interval is widened where torque regression found it: noisy regressors bias it by more than
-their scatter."""
+"""Share of k by which an interval from torque regression is widened: noisy regressors bias k beyond its scatter."""
 
 HOLDING = "holding torque at mid-range"
-"""Offset and gravity together, in the middle of the range: known even where the two are not told apart."""
+"""Offset and gravity together, in the middle of the range: known even where the two cannot be told apart."""
 
 
 @dataclass(frozen=True)
 class Strength:
-    """What is known of k, torque delivered over the torque that the estimators saw."""
+    """Estimate of k, torque delivered over the torque that the estimators saw."""
 
     value: Estimate | None
     """k, or None where it is not known."""
@@ -55,13 +54,13 @@ class Strength:
 
 
 def strength_identified(fit: Fit) -> bool:
-    """Return whether a fit with 1/k tells it: apart from the rest, and not zero."""
+    """Return True if a fit with 1/k identifies it: apart from the other parameters, and not zero."""
     inverse = fit.estimates()[INVERSE_STRENGTH]
     return fit.inflation[INVERSE_STRENGTH] < MAX_INFLATION and inverse.interval95[0] > 0
 
 
 def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | None) -> Strength:
-    """Say where k comes from: torque in N m, the user's word, or a known load that the fit could tell."""
+    """Return k and its source: torque in N m, the user's statement, or a known load that the fit could tell."""
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
         if strength_identified(fit):
@@ -79,17 +78,17 @@ def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | 
 
 
 def exact(value: float) -> Estimate:
-    """Return a number that is taken as known."""
+    """Return an estimate of an exactly known number."""
     return Estimate(value, 0.0, (value, value))
 
 
 def combine(
     fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float
 ) -> tuple[dict[str, Estimate | None], dict[str, Estimate]]:
-    """Return the parameters of a symmetric fit, None where the log does not tell, and what it tells instead.
+    """Return the parameters of a symmetric fit, None where the log does not tell, and the known combinations.
 
-    estimates: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the
-    torque came from the PD law, else 0: B/k is then not said without it; middle: θ in mid-range [rad].
+    estimates: the fit's estimates, their intervals widened where need be; damping: kd where the torque came from the PD
+    law, which is then stated together with B/k, else 0; middle: θ in mid-range [rad].
     """
     clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < MAX_INFLATION]
     combinations: dict[str, Estimate] = {}
@@ -121,9 +120,9 @@ def product(estimate: Estimate, factor: Estimate) -> Estimate:
     reaches = []
     for side in (0, 1):
         # Factors are positive. Of a negative value the lower end of the product comes from the factor's upper one.
-        own = abs(estimate.interval95[side] - estimate.value) * factor.value
-        others = abs(factor.interval95[side if value >= 0 else 1 - side] - factor.value) * abs(estimate.value)
-        reaches.append(float(np.hypot(own, others)))
+        from_value = abs(estimate.interval95[side] - estimate.value) * factor.value
+        from_factor = abs(factor.interval95[side if value >= 0 else 1 - side] - factor.value) * abs(estimate.value)
+        reaches.append(float(np.hypot(from_value, from_factor)))
     std = float(np.hypot(estimate.std * factor.value, factor.std * estimate.value))
     return Estimate(value, std, (value - reaches[0], value + reaches[1]))
 
@@ -135,9 +134,9 @@ def holding_torque(fit: Fit, angle: float) -> Estimate:
 
 
 def missing_experiment(strength: Strength, measured: bool, lacking: tuple[str, ...] = ()) -> str | None:
-    """Return which experiment would tell what this log does not, or None where nothing is missing.
+    """Return the experiment that would identify what this log does not, or None where nothing is missing.
 
-    lacking: flags without which a current, a voltage or a duty is no torque.
+    lacking: missing flags that convert a current, a voltage or a duty to torque.
     """
     if strength.value is not None:
         return None
@@ -157,11 +156,11 @@ def missing_experiment(strength: Strength, measured: bool, lacking: tuple[str, .
 
 
 def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
-    """Fit the torque equation with θ beside its regressors; fit: the one without θ.
+    """Fit the torque equation with θ as a further regressor; fit: the one without θ.
 
     A torque that follows the position hides in the inertia, for θ'' and θ are opposite in a sine, and leaves a residual
-    that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
-    how much inertia, viscous and Coulomb friction change with it, each over its value [1].
+    that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`:
+    relative changes of inertia, viscous and Coulomb friction [1].
     """
     # About its mean, where the offset does not change with it.
     both = fit_with_column(fit, "slope", rows.position - rows.position.mean())
@@ -178,44 +177,44 @@ def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
 
 
 OVER_STRENGTH = f"({BRAKE})/k"
-"""What takes the place of B/k where the brake is in it."""
+"""Combination in place of B/k where the brake is in it."""
 
 VISCOUS = "viscous_friction"
 
 
 @dataclass(frozen=True)
 class BackEmf:
-    """ke as the data show it, without the user saying it."""
+    """Back-EMF constant estimated from the data."""
 
     ke: float
-    """[V s/rad]."""
+    """Back-EMF constant [V s/rad]."""
     source: str
     """`weight` or `runs`."""
     reach: float = 0.0
-    """Half-width of the 95 % interval of the brake, in the unit of the torque over speed; 0 where it was not found."""
+    """Half-width of the brake's 95 % interval, in the unit of the torque over speed; 0 where it was not estimated."""
 
 
 def find_back_emf(runs: Sequence[Run], base: Fit) -> BackEmf | None:
-    """Return ke where the user did not say it and the data tell it, else None; base: the fit to all runs."""
+    """Return ke where the user did not state it and the data tell it, else None; base: the fit to all runs."""
     setup = runs[0].setup
-    driven = [one.setup.drive.by_voltage for one in runs]
-    if not any(driven) or any(one.setup.ke is not None for one in runs):
+    driven = [run.setup.drive.by_voltage for run in runs]
+    if not any(driven) or any(run.setup.ke is not None for run in runs):
         return None
     if setup.drive.brakes_unseen:
         resistance = setup.resistance
         if resistance is None or INVERSE_STRENGTH not in base.names or not strength_identified(base):
             return None
         return BackEmf(resistance / base.by_name[INVERSE_STRENGTH], "weight")
-    factor = next(one.setup.drive.per_unit for one, by_voltage in zip(runs, driven) if by_voltage)
+    factor = next(run.setup.drive.per_unit for run, by_voltage in zip(runs, driven) if by_voltage)
     if all(driven) or factor is None:
         return None
     rows = base.rows
-    # One column more, the speed in runs by voltage alone: what they brake beyond the others is the error of the brake
-    # that was taken off.
+    # One further column, the speed in runs by voltage alone: their braking beyond that of the other runs is the error
+    # of the brake that was subtracted.
     inside = sum((rows.run == index) * 1.0 for index, by_voltage in enumerate(driven) if by_voltage)
     both = fit_with_column(base, "brake", rows.velocity * inside)
     change = both.scatter()["brake"]
-    taken = next(one.setup.drive.brake for one, by_voltage in zip(runs, driven) if by_voltage)
+    taken = next(run.setup.drive.brake for run, by_voltage in zip(runs, driven) if by_voltage)
     reach = (change.interval95[1] - change.interval95[0]) / 2
     # A brake that is not known better than the user's word leaves that standing.
     if both.inflation["brake"] >= MAX_INFLATION or reach > BACK_EMF_ERROR * taken or taken + change.value <= 0:
@@ -225,17 +224,17 @@ def find_back_emf(runs: Sequence[Run], base: Fit) -> BackEmf | None:
 
 @dataclass(frozen=True)
 class Braking:
-    """What becomes of viscous friction where a motor's brake is near it."""
+    """Effect of a voltage-driven motor's brake on viscous friction."""
 
     reach: float
-    """By how much the interval of viscous friction is widened, in the unit of the torque over speed."""
+    """Widening of the interval of viscous friction, in the unit of the torque over speed."""
     brake: float
-    """What was taken off [the same]; 0 where that is not known."""
+    """Brake that was subtracted [the same unit]; 0 where it is not known."""
     source: str | None
-    """Where ke is from: `kt`, `ke`, `weight`, `runs`; None where it is not known."""
+    """Source of ke: `kt`, `ke`, `weight`, `runs`; None where it is not known."""
 
     def widened(self, name: str, estimate: Estimate) -> Estimate:
-        """Return an estimate of viscous friction that admits what is not known of the brake."""
+        """Return an estimate of viscous friction, its interval widened by the uncertainty of the brake."""
         if not name.startswith(VISCOUS):
             return estimate
         low, high = estimate.interval95
@@ -243,50 +242,50 @@ class Braking:
         return Estimate(estimate.value, std, (low - self.reach, high + self.reach))
 
     def scaled(self, factor: float) -> Braking:
-        """Return the same in another unit of the torque."""
+        """Return the same effect in another unit of the torque."""
         return replace(self, reach=factor * self.reach, brake=factor * self.brake)
 
     @property
     def unseen(self) -> bool:
-        """Whether nothing was taken off."""
+        """True if no brake was subtracted."""
         return self.source is None
 
 
-def braking(run: Run, found: BackEmf | None) -> Braking | None:
-    """Return what was done about the brake of a run's motor; None for one that is not driven by voltage."""
+def braking(run: Run, back_emf: BackEmf | None) -> Braking | None:
+    """Return the treatment of the brake of a run's motor; None for a motor that is not driven by voltage."""
     drive = run.setup.drive
     if not drive.by_voltage:
         return None
     if drive.brakes_unseen:
         return Braking(0.0, 0.0, None)
-    if found is not None:
-        reach = found.reach if found.source == "runs" else BACK_EMF_ERROR * drive.brake
-        return Braking(reach, drive.brake, found.source)
+    if back_emf is not None:
+        reach = back_emf.reach if back_emf.source == "runs" else BACK_EMF_ERROR * drive.brake
+        return Braking(reach, drive.brake, back_emf.source)
     return Braking(BACK_EMF_ERROR * drive.brake, drive.brake, "kt" if drive.ke is None else "ke")
 
 
-def split_viscous(found: Braking, viscous: Estimate, strength: Strength) -> tuple[Estimate | None, dict[str, Estimate]]:
-    """Return viscous friction, None where it is not told from the brake, and what is known of the two besides.
+def split_viscous(brake: Braking, viscous: Estimate, strength: Strength) -> tuple[Estimate | None, dict[str, Estimate]]:
+    """Return viscous friction, None where it is not told from the brake, and the known combinations of the two.
 
     viscous: as fitted, in the unit of the torque.
     """
-    known, whole = strength.value, shifted(viscous, found.brake)
-    own = None if found.unseen else found.widened(VISCOUS, viscous)
-    if own is not None and own.interval95[0] <= 0:
-        own = None
+    known, whole = strength.value, shifted(viscous, brake.brake)
+    separate = None if brake.unseen else brake.widened(VISCOUS, viscous)
+    if separate is not None and separate.interval95[0] <= 0:
+        separate = None
     if known is None:
-        return None, {OVER_STRENGTH: whole} if own is None else {OVER_STRENGTH: whole, OVER_K[VISCOUS]: own}
-    return None if own is None else product(own, known), {BRAKE: product(whole, known)}
+        return None, {OVER_STRENGTH: whole} if separate is None else {OVER_STRENGTH: whole, OVER_K[VISCOUS]: separate}
+    return None if separate is None else product(separate, known), {BRAKE: product(whole, known)}
 
 
-def brake_summary(found: Braking, stated: dict[str, Estimate], strength: Strength) -> dict[str, Any]:
-    """Return what was done about the brake, in SI units where they are known, and in words; stated: combinations."""
+def brake_summary(brake: Braking, stated: dict[str, Estimate], strength: Strength) -> dict[str, Any]:
+    """Return the treatment of the brake for JSON, in SI units where they are known; stated: combinations."""
     factor = 1.0 if strength.value is None else strength.value.value
     name = OVER_STRENGTH if strength.value is None else BRAKE
     return {
-        "source": found.source,
-        "brake": None if found.unseen else found.brake * factor,
-        "reach": found.reach * factor,
+        "source": brake.source,
+        "brake": None if brake.unseen else brake.brake * factor,
+        "reach": brake.reach * factor,
         "name": name,
         "together": stated[name].value,
     }
@@ -298,11 +297,11 @@ ORIGIN = {
     "weight": "ke = kt = R times kt/R by the known weight",
     "runs": "ke by the runs whose current was logged",
 }
-"""Where ke is from, in words."""
+"""Source of ke, in words."""
 
 
 def brake_text(data: dict[str, Any], separable: bool) -> str:
-    """Say what was done about the brake; data: `brake_summary`; separable: whether viscous friction is stated."""
+    """Describe the treatment of the brake; data: `brake_summary`; separable: True if viscous friction is stated."""
     whole = data["together"]
     if data["source"] is None:
         return (
@@ -312,14 +311,14 @@ def brake_text(data: dict[str, Any], separable: bool) -> str:
             "sidecars)"
         )
     share = data["brake"] / whole if whole > 0 else float("inf")
-    said = (
+    description = (
         f"the motor brakes itself by kt·ke/R = {data['brake']:.3g}, {share:.0%} of {data['name']} "
         f"({ORIGIN[data['source']]})"
     )
     if separable:
-        return f"{said}; that was taken off viscous friction, whose interval admits {data['reach']:.2g} of it"
+        return f"{description}; that was taken off viscous friction, whose interval admits {data['reach']:.2g} of it"
     return (
-        f"viscous friction is not known: {said}, and what is left is no more than that may be off by "
+        f"viscous friction is not known: {description}, and what is left is no more than that may be off by "
         f"({data['reach']:.2g}; resistance alone grows by a tenth in 25 K); log the current too "
         "(--torque-column current)"
     )

@@ -1,8 +1,8 @@
 """Consistency of a fit: halves of the log, its slow and fast parts, repeats, drift, timing, whiteness of the residual.
 
 Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
-law lacks something, and the intervals, which know scatter only, are widened until they admit both. How much better one
-description of a log is than another: `Gain` of the held-out error, and the information criterion.
+law lacks something, and the intervals, which know scatter only, are widened until they admit both. Two descriptions of
+a log are compared by the `Gain` of the held-out error, and by the information criterion.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from stiction.identification.prepare import Prepared, Rows
 from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows, fit_with_column
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
-"""Parameters that the parts are compared in."""
+"""Parameters that are compared between parts."""
 
 LARGEST_SIGMAS = 3.0
-"""Combined standard deviations; one comparison in four hundred is beyond by chance."""
+"""Combined standard deviations above which parts disagree; one comparison in four hundred is beyond by chance."""
 
 SMALLEST_GAP = 0.02
-"""Gap of two parts, over the mean of both, that is not worth a word, however certain."""
+"""Gap of two parts, over the mean of both, below which a disagreement is not reported."""
 
 REPEAT = "repeat"
-"""How the label of a comparison with another log of the joint begins."""
+"""Beginning of the label of a comparison with another log of the joint."""
 
 MAX_SHIFT = 1.5
-"""Samples by which torque may be early or late: more means that the friction law is wrong, not the timing."""
+"""Largest shift of torque in time [samples]: more means that the friction law is wrong, not the timing."""
 
 TIMING = "timing"
 """Label of a comparison with a log whose torque may be late or early."""
 
 STRETCHES = 16
-"""Stretches of a log, each of which counts as slow or as fast."""
+"""Number of stretches of a log, each of which counts as slow or as fast."""
 
 LAGS = 10
-"""Lags of the whiteness test."""
+"""Number of lags of the whiteness test."""
 
 LARGEST_TIE = 0.3
 """Correlation of speed and time beyond which friction that changes with the one cannot be told from the other."""
@@ -52,22 +52,22 @@ class Comparison:
     """Two fits of the same joint."""
 
     label: str
-    """What was compared: `halves`, `slow and fast`, or the name of another run."""
+    """Kind of comparison: `halves`, `slow and fast`, or the name of another run."""
     parts: tuple[str, str]
-    """Names of the two."""
+    """Names of the two parts."""
     values: dict[str, tuple[Estimate, Estimate]]
-    """Parameter -> the two estimates."""
+    """Estimates of both parts, by parameter."""
     speed: float
-    """A speed that both parts reached [rad/s]."""
+    """Speed that both parts reached [rad/s]."""
     friction: tuple[Estimate, Estimate]
-    """B θ' + b_c at that speed by each [N m]."""
+    """Friction B θ' + b_c at that speed, of each part [N m]."""
     alternative: bool = False
-    """Whether the second is another way to read the same log, rather than a part of it."""
+    """True if the second is another way to read the same log, rather than a part of it."""
 
     def sigmas(self, name: str) -> float:
         """Return the gap of a parameter in combined standard deviations."""
-        one, other = self.values[name]
-        return abs(one.value - other.value) / max(float(np.hypot(one.std, other.std)), 1e-300)
+        first, second = self.values[name]
+        return abs(first.value - second.value) / max(float(np.hypot(first.std, second.std)), 1e-300)
 
     @property
     def disputed(self) -> tuple[str, ...]:
@@ -76,13 +76,13 @@ class Comparison:
         An alternative reading of the whole log is right about all parameters or none: if one is disputed, all are.
         """
         least = 0.0 if self.alternative else SMALLEST_GAP
-        found = tuple(
+        names = tuple(
             name
-            for name, (one, other) in self.values.items()
+            for name, (first, second) in self.values.items()
             if self.sigmas(name) > LARGEST_SIGMAS
-            and abs(one.value - other.value) > least * abs(one.value + other.value) / 2
+            and abs(first.value - second.value) > least * abs(first.value + second.value) / 2
         )
-        return tuple(self.values) if found and self.alternative else found
+        return tuple(self.values) if names and self.alternative else names
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -96,11 +96,11 @@ class Split:
     """A way to cut a log in two."""
 
     label: str
-    """What the parts differ in."""
+    """Difference between the parts."""
     parts: tuple[str, str]
-    """Their names."""
+    """Names of the parts."""
     first: np.ndarray
-    """True in the first part, shape as of the times that were split."""
+    """Mask of the first part, shape as of the times that were split."""
 
 
 def splits(time: np.ndarray, velocity: np.ndarray) -> tuple[Split, Split]:
@@ -119,31 +119,31 @@ def splits(time: np.ndarray, velocity: np.ndarray) -> tuple[Split, Split]:
 
 
 def compare_parts(rows: Rows, fit: Fit) -> tuple[Comparison, ...]:
-    """Compare the parts of a log, each fitted by itself; none where a part has too few rows or poor motion."""
-    found = []
+    """Compare the parts of a log, each fitted alone; omit a pair where a part has too few rows."""
+    comparisons = []
     for split in splits(rows.time, rows.velocity):
         if min(split.first.sum(), (~split.first).sum()) >= FEWEST_ROWS:
-            found.append(compare(split.label, split.parts, rows.take(split.first), rows.take(~split.first), fit))
-    return tuple(found)
+            comparisons.append(compare(split.label, split.parts, rows.take(split.first), rows.take(~split.first), fit))
+    return tuple(comparisons)
 
 
-def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit) -> Comparison:
+def compare(label: str, parts: tuple[str, str], first: Rows, second: Rows, fit: Fit) -> Comparison:
     """Compare fits to two sets of rows, each with the equation of `fit`.
 
     Where 1/k is unknown both take that of `fit`: the rows of a run without payload do not tell it.
     """
     inverse = fit.by_name.get(INVERSE_STRENGTH, 1.0)
-    parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (one, other)]
+    parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (first, second)]
     fits = [fit_rows(rows, fit.model) for rows in parted]
-    both = [found.estimates() for found in fits]
+    both = [fitted.estimates() for fitted in fits]
     values = {name: (both[0][name], both[1][name]) for name in COMPARED}
-    speed = common_speed(one.velocity, other.velocity)
+    speed = common_speed(first.velocity, second.velocity)
     return Comparison(label, parts, values, speed, (friction_at(fits[0], speed), friction_at(fits[1], speed)))
 
 
-def common_speed(one: np.ndarray, other: np.ndarray) -> float:
+def common_speed(first: np.ndarray, second: np.ndarray) -> float:
     """Return a speed that both velocities reach, most of the slower one's range."""
-    return min(float(np.quantile(np.abs(velocity), 0.9)) for velocity in (one, other))
+    return min(float(np.quantile(np.abs(velocity), 0.9)) for velocity in (first, second))
 
 
 def friction_at(fit: Fit, speed: float) -> Estimate:
@@ -153,12 +153,12 @@ def friction_at(fit: Fit, speed: float) -> Estimate:
 
 @dataclass(frozen=True)
 class Drift:
-    """How much friction changes from start to end of the log: a joint that warms up, say."""
+    """Change of friction from start to end of the log, as of a joint that warms up."""
 
     change: Estimate | None
     """Change of all friction over its mean [1]; None where the log cannot tell."""
     reason: str | None
-    """Why it cannot."""
+    """Reason why the log cannot tell, else None."""
 
 
 def find_drift(rows: Rows, fit: Fit) -> Drift:
@@ -176,14 +176,14 @@ def find_drift(rows: Rows, fit: Fit) -> Drift:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """What the residual remembers."""
+    """Memory of the residual."""
 
     correlation_time: float
-    """In rows, 1 for white noise."""
+    """Correlation time [rows], 1 for white noise."""
     first_lag: float
-    """Correlation of neighbouring rows."""
+    """Correlation of neighbouring rows [1]."""
     probability: float
-    """Of a portmanteau statistic (Ljung and Box, 10 lags) as large as this from white noise; near 0: not white."""
+    """Probability that white noise has so large a portmanteau statistic (Ljung and Box, 10 lags); near 0: not white."""
 
 
 def whiteness(residual: np.ndarray) -> Whiteness:
@@ -200,9 +200,9 @@ def whiteness(residual: np.ndarray) -> Whiteness:
 
 
 def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
-    """Return the estimates with intervals widened to admit what disputing parts of the log say by themselves.
+    """Return the estimates with intervals widened to admit the values of disputing parts of the log.
 
-    Of an alternative reading of the whole log the interval is admitted, not the value alone.
+    For an alternative reading of the whole log the interval is admitted, not the value alone.
     """
     result = dict(estimates)
     for comparison in comparisons:
@@ -215,7 +215,7 @@ def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...])
 
 
 def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
-    """Compare a fit with one whose torque may be early or late; None where it would move further than clocks do.
+    """Compare a fit with one whose torque may be early or late; None where the shift is larger than clocks make.
 
     base: fitted to the rows of `prepared`. What acts in a sampled controller is the logged torque of half an update
     before, and B is off by what kp and the inertia make of that time. The other fit has one more column, the torque's
@@ -237,7 +237,7 @@ DEVIATIONS = 2.0
 """Standard deviations by which the held-out error must fall for a richer law."""
 
 MIN_GAIN = 0.02
-"""Share by which the held-out error must fall: less is not worth a parameter to anybody."""
+"""Share by which the held-out error must fall for one more parameter to be worth it."""
 
 MIN_EVIDENCE = 6.0
 """Drop of the information criterion for a richer law; 6 is called strong."""
@@ -245,16 +245,16 @@ MIN_EVIDENCE = 6.0
 
 @dataclass(frozen=True)
 class Gain:
-    """By how much a held-out squared error fell, as a share, with the deviation that the blocks' scatter gives it."""
+    """Reduction of a held-out squared error, as a share, with the deviation from the scatter of the blocks."""
 
     mean: float
-    """The share by which it fell [1]."""
+    """Reduction, as a share [1]."""
     std: float
-    """Its deviation [1]."""
+    """Standard deviation of the reduction [1]."""
 
     @property
     def certain(self) -> bool:
-        """Whether it is beyond noise and worth a parameter."""
+        """True if the reduction is beyond noise and worth a parameter."""
         return self.mean > DEVIATIONS * self.std and self.mean > MIN_GAIN
 
 
@@ -265,7 +265,7 @@ def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
 
 
 def gain_by_block(error: np.ndarray, reference: np.ndarray) -> Gain:
-    """Compare squared errors as a share of each block's own, where single blocks hold most of all error.
+    """Compare squared errors as a share of each block's error, where single blocks hold most of all error.
 
     error, reference: shape (num_blocks,) each; no block counts for more than it all.
     """
@@ -274,7 +274,7 @@ def gain_by_block(error: np.ndarray, reference: np.ndarray) -> Gain:
 
 
 def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: int) -> float:
-    """Return by how much the Bayesian information criterion falls from a law to a richer one.
+    """Return the decrease of the Bayesian information criterion from a law to a richer one.
 
     plain, rich: residuals by either law of every signal, in the same order, shape (num_samples,) each, of the samples
     that count alone; more: the richer law's further parameters. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over the signals,

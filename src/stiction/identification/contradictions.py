@@ -1,7 +1,7 @@
-"""Where a log contradicts what was declared about it: units, limits, gains, a pendulum's weight and angle.
+"""Contradictions between a log and its declarations: units, limits, gains, a pendulum's weight and angle.
 
-An interval knows scatter. It does not know that a column is in degrees or that a flag is wrong, and a fit to such a log
-may look as certain as any other. Each finding says what was seen, with its number, and what to do first.
+An interval knows scatter, not that a column is in degrees or that a flag is wrong: a fit to such a log may look as
+certain as any other. Each finding states what was seen, with its number, and what to do first.
 """
 
 from __future__ import annotations
@@ -19,34 +19,33 @@ from stiction.identification.runs import Run, hanging
 from stiction.identification.setup import LARGEST_TORQUE, IdentifySetup
 
 SERIOUS = 0.1
-"""Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
-a level, rounded up to a whole per cent and doubled where the joint was not loaded; from a tenth on it shows."""
+"""Relative change of a parameter between two readings of a log above which no answer is given. Less is lost in a
+level, rounded up to a whole per cent and doubled where the joint was not loaded; from a tenth on it shows."""
 
 LARGEST_SCALE = SERIOUS
-"""Relative gap, either way, between kp (target − position) and the logged torque, lateness apart, beyond which one of
-the two is wrong: above what delays and biases of virtual robots make of right gains."""
+"""Relative gap, either way, between kp (target − position) and the logged torque, delay apart, above which one of the
+two is wrong: more than delays and biases of virtual robots make of right gains."""
 
 LARGEST_DAMPING_SCALE = 0.3
-"""The same of kd velocity, whose noise, filter and backlash make it vaguer. A torque in another unit shows in both,
-and dry friction that was found from measured torque does not depend on kd."""
+"""Relative gap of kd velocity above which it is wrong; wider, for noise, filter and backlash. A torque in another unit
+shows in both, and dry friction from measured torque does not depend on kd."""
 
 AGAINST = -0.5
-"""Correlation of target and position under which a sign is wrong: at low gains a joint lags, and does not run away."""
+"""Correlation of target and position below which a sign is wrong: at low gains a joint lags, and does not run away."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""
 
 FLAT_SHARE = 0.02
-"""Share of the samples at exactly the extreme torque from which on it counts as clipped. Noise reaches an extreme
-once."""
+"""Share of samples at exactly the extreme torque above which it counts as clipped. Noise reaches an extreme once."""
 
 FLAT_RATIO = 2.0
-"""Samples at the extreme over those in the next twentieth of the range below it: a torque that turns round by itself
-has as many there; one that is cut off piles up."""
+"""Samples at the extreme over those in the next twentieth of the range below it: a torque that reverses by itself
+has as many there; a clipped one piles up."""
 
 
 def find_contradictions(run: Run, record: JointRecord, mismatch: Mismatch | None) -> Iterator[Finding]:
-    """Yield what contradicts the declarations of one joint's log, the plainest first.
+    """Yield contradictions between a joint's log and its declarations, the plainest first.
 
     mismatch: declared gains against the logged torque, where both are known.
     """
@@ -57,7 +56,7 @@ def find_contradictions(run: Run, record: JointRecord, mismatch: Mismatch | None
 
 
 def signal_findings(run: Run, record: JointRecord) -> Iterator[Finding]:
-    """Yield what a joint's signals say against any fit to them: their units, and torque that was cut off."""
+    """Yield findings on a joint's signals that make any fit wrong: units, and torque that was cut off."""
     yield from unit_findings(run.signals, record.axis)
     limit, peak = record.torque_limit, float(np.abs(run.torque).max())
     if run.setup.drive.column != "torque" and not run.setup.calibrated:
@@ -74,7 +73,7 @@ def signal_findings(run: Run, record: JointRecord) -> Iterator[Finding]:
 
 
 def unit_findings(signals: Uniform, axis: str = "rotary") -> Iterator[Finding]:
-    """Yield what is probably not in SI units; on a linear axis nothing is known."""
+    """Yield findings on signals that are probably not in SI units; none on a linear axis, where nothing is known."""
     if axis != "rotary":
         return
     reach = float(np.ptp(signals.position))
@@ -104,16 +103,16 @@ def unit_findings(signals: Uniform, axis: str = "rotary") -> Iterator[Finding]:
 
 
 def contradicted(run: Run) -> str:
-    """Say what the declared gains, or the target, have against the columns of a log; nothing where they fit it."""
+    """Describe how a log contradicts its declared gains or target; empty where they fit."""
     try:
         mismatch = compare_controller(run)
     except LoopError:
         mismatch = None
-    return "; ".join(f"{one.seen}; {one.remedy}" for one in _controller(run, mismatch)) or _against(run)
+    return "; ".join(f"{finding.seen}; {finding.remedy}" for finding in _controller(run, mismatch)) or _against(run)
 
 
 def _controller(run: Run, mismatch: Mismatch | None) -> Iterator[Finding]:
-    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
+    """Yield a finding where the logged torque is another multiple of position error, or speed, than the gains say."""
     if mismatch is None:
         return
     spring, damper = mismatch.scales
@@ -128,7 +127,7 @@ def _controller(run: Run, mismatch: Mismatch | None) -> Iterator[Finding]:
 
 
 def _against(run: Run) -> str:
-    """Say what to do about a position that runs against its target; nothing where it does not, or there is none."""
+    """Return the advice for a position that runs against its target; empty where it does not, or without a target."""
     if run.logged_target is None:
         return ""
     alike = float(np.corrcoef(run.logged_target, run.signals.position)[0, 1])
@@ -141,9 +140,9 @@ def _against(run: Run) -> str:
 
 
 def _other_scale(setup: IdentifySetup, spring: float, damper: float) -> str:
-    """Say what to check where the logged torque is such multiples of what kp, and kd, ask for.
+    """Return the advice for a logged torque that is these multiples of what kp and kd ask for.
 
-    One factor in both is the torque's, the angles' or the gains': the log does not tell which, and numbers that fit are
+    One factor in both is the torque's, the angles' or the gains': the log does not tell which, and matching numbers are
     named for each. In kd alone it is kd's, or that of the stamps.
     """
     kp, kd, turned = setup.kp or 0.0, setup.kd or 0.0, setup.position_scale or 1.0
@@ -171,17 +170,17 @@ def _other_scale(setup: IdentifySetup, spring: float, damper: float) -> str:
 
 
 def _rounded(value: float) -> str:
-    """Return a number with two digits, without an exponent: more is not known of what would fit."""
+    """Return a number with two digits, without an exponent: more is not known of a matching value."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def _gap(scale: float) -> float:
-    """Return by what share a scale is off, up or down."""
+    """Return the relative deviation of a scale factor from 1, up or down."""
     return max(scale, 1 / scale) - 1 if scale > 0 else np.inf
 
 
 def _clipped(run: Run) -> Iterator[Finding]:
-    """Object to a torque that stands still at its extremes, unless that is the declared limit."""
+    """Yield a finding where a torque stands still at its extremes, unless that is the declared limit."""
     if not run.measured or run.setup.drive.by_voltage:  # A bridge that is fully on is not a value cut off.
         return
     torque, limit = run.torque[run.signals.valid], run.setup.torque_limit
@@ -200,13 +199,13 @@ def _clipped(run: Run) -> Iterator[Finding]:
 def _flat_share(torque: np.ndarray) -> float:
     """Return the share of samples at the maximum where it is a plateau, else 0; shape (num_samples,)."""
     top, reach = float(torque.max()), 0.05 * float(np.ptp(torque))
-    there = int(np.count_nonzero(torque >= top - 1e-9 * max(abs(top), 1e-300)))
-    below = int(np.count_nonzero(torque >= top - reach)) - there
-    return there / len(torque) if there > FLAT_RATIO * below else 0.0
+    at_top = int(np.count_nonzero(torque >= top - 1e-9 * max(abs(top), 1e-300)))
+    below = int(np.count_nonzero(torque >= top - reach)) - at_top
+    return at_top / len(torque) if at_top > FLAT_RATIO * below else 0.0
 
 
 def _weight(run: Run, record: JointRecord) -> Iterator[Finding]:
-    """Object to a declared scale of torque that a pendulum's weight contradicts."""
+    """Yield a finding where a pendulum's weight contradicts the declared scale of torque."""
     strength = record.motor_strength
     if not run.setup.pendulum or not run.setup.calibrated or not run.measured or strength is None:
         return
@@ -223,19 +222,19 @@ def _weight(run: Run, record: JointRecord) -> Iterator[Finding]:
 
 
 def _hangs(run: Run) -> Iterator[Finding]:
-    """Object to an angle at which a pendulum was said to hang, where the phase of its weight is another."""
-    said = run.setup.pendulum_angle
-    if not run.setup.pendulum or said is None:
+    """Yield a finding where the phase of a pendulum's weight contradicts the declared angle at which it hangs."""
+    declared = run.setup.pendulum_angle
+    if not run.setup.pendulum or declared is None:
         return
     try:
-        found = hanging(run.where, run.prepared)
+        measured = hanging(run.where, run.prepared)
     except LogError:
         return
     # By the circle: an angle and the same one turn on are equal.
-    if abs(np.angle(np.exp(1j * (found - said)))) <= SERIOUS:
+    if abs(np.angle(np.exp(1j * (measured - declared)))) <= SERIOUS:
         return
     yield Finding(
         "pendulum_angle",
-        f"by the phase of its weight the pendulum hangs straight down at {found:.3g} rad, and not at {said:.3g}",
+        f"by the phase of its weight the pendulum hangs straight down at {measured:.3g} rad, and not at {declared:.3g}",
         "leave --set pendulum_angle out, and the log tells it; or check the encoder's zero and sign",
     )

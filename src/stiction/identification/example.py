@@ -1,4 +1,4 @@
-"""Simulated logs of motors whose parameters are known, for trying the program without a robot.
+"""Simulated logs of motors with known parameters, for trying the program without a robot.
 
 The paper's shank motor with the noise of real ones, and a leg in the air.
 """
@@ -24,12 +24,12 @@ FINE = 10
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor and its controller."""
+    """Motor with its controller."""
 
     name: str
     """Name of the log."""
     joint: Joint
-    """The truth."""
+    """True joint."""
     gains: PDGains
     """Low gains, so that friction shows: at high ones the position follows whatever friction does."""
 
@@ -43,14 +43,14 @@ LEG = Motor("leg_in_air", Joint(0.06, 0.0704, Coulomb(0.442), -0.05, Gravity(2.2
 
 @dataclass(frozen=True)
 class Excitation:
-    """A sum of sines as target, A sin(ωt) in the paper."""
+    """Sum of sines as target, A sin(ωt) in the paper."""
 
     amplitudes: tuple[float, ...] = (0.4, 0.3)
-    """[rad]."""
+    """Amplitudes [rad]."""
     frequencies: tuple[float, ...] = (0.5, 2.0)
-    """[Hz]. Two, because one sine hardly tells viscous from dry friction."""
+    """Frequencies [Hz]. Two, because one sine hardly tells viscous from dry friction."""
     duration: float = 20.0
-    """[s]."""
+    """Duration [s]."""
     rate: float = 500.0
     """Samples per second [Hz]."""
 
@@ -63,12 +63,12 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Played:
-    """A target of one's own."""
+    """Target trajectory of the user."""
 
     time: np.ndarray
-    """[s], an even grid, shape (num_samples,)."""
+    """Time [s], an even grid, shape (num_samples,)."""
     angle: np.ndarray
-    """[rad], shape (num_samples,)."""
+    """Target [rad], shape (num_samples,)."""
 
     def target(self) -> tuple[np.ndarray, np.ndarray]:
         """Return time [s] and target [rad], shape (num_samples,) each."""
@@ -77,7 +77,7 @@ class Played:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """What stands between the joint and the log; chosen to be like small geared actuators, not measured on one."""
+    """Sensor errors between joint and log; chosen to be like small geared actuators, not measured on one."""
 
     position: float = 1e-4
     """White noise of the angle [rad]."""
@@ -90,15 +90,15 @@ class SensorNoise:
     ripple: float = 0.02
     """Disturbance of the current sensor, correlated over 20 ms [N m]."""
     in_loop: bool = True
-    """Whether the controller acts on the noisy angle and velocity, so that their noise moves the joint, as in a real
+    """True if the controller acts on the noisy angle and velocity, so that their noise moves the joint, as in a real
     loop; else noise is in the log alone."""
     jitter: float = 0.0
     """Standard deviation of the instants at which samples are taken about an even grid, as a share of its step."""
     stamps: Literal["true", "even"] = "true"
-    """Whether the log's time is that of the samples or the even grid."""
+    """Stamps of the log: those of the samples, or the even grid."""
 
     def __post_init__(self) -> None:
-        """Refuse jitter that would put samples out of order."""
+        """Reject jitter that would put samples out of order."""
         if not 0 <= self.jitter <= 0.1:
             raise ConfigurationError(f"jitter {self.jitter}: expected a share of the step from 0 to 0.1")
 
@@ -156,7 +156,7 @@ def example_log(
 def _between(
     motor: Motor, time: np.ndarray, target: np.ndarray, instants: np.ndarray, load: np.ndarray | None
 ) -> Trajectory:
-    """Simulate on a finer grid and return what happens at `instants` [s], shape (num_samples,)."""
+    """Simulate on a finer grid and return the motion at `instants` [s], shape (num_samples,)."""
     step = float(time[1] - time[0]) / FINE
     fine = step * np.arange(FINE * (len(time) - 1) + 1)
     finer = None if load is None else np.interp(fine, time, load)

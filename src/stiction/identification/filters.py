@@ -8,7 +8,7 @@ ORDER = 4
 """Order of the Butterworth filter; it is run forward and backward."""
 
 PADDING = 10.0
-"""Periods of the corner by which a signal is made longer at either end, for the filter."""
+"""Padding of a signal at either end for the filter, in periods of the corner."""
 
 LARGEST_NOISE = 0.03
 """Noise over signal, in the acceleration. Noisy regressors shrink the inertia by the square of this: 0.1 %."""
@@ -17,8 +17,8 @@ LARGEST_NOISE = 0.03
 def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
     """Return `values`, shape (num_samples,), through the Butterworth filter forward and backward: no delay.
 
-    Its gain is 1/(1 + (tan πf step / tan πf_c step)^(2 order)) at a frequency f. Beyond its ends a signal goes on as it
-    came, turned about the end.
+    Its gain is 1/(1 + (tan πf step / tan πf_c step)^(2 order)) at a frequency f. Beyond its ends a signal is continued,
+    turned about the end.
     """
     more = min(len(values) - 1, int(PADDING / (cutoff * step)))
     before, after = 2 * values[0] - values[more:0:-1], 2 * values[-1] - values[-2 : -more - 2 : -1]
@@ -36,9 +36,9 @@ def derivatives(position: np.ndarray, step: float, cutoff: float) -> tuple[np.nd
 
 def slope(values: np.ndarray, step: float) -> np.ndarray:
     """Return the derivative, shape (num_samples,), off by (2π f step)⁴/30 of itself at the frequency f."""
-    found = np.gradient(values, step)
-    found[2:-2] = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * step)
-    return found
+    rate = np.gradient(values, step)
+    rate[2:-2] = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * step)
+    return rate
 
 
 def position_noise(position: np.ndarray) -> float:

@@ -1,9 +1,9 @@
-"""What a reader must know before a number of a joint's record is used, as findings: errors first, then warnings.
+"""Findings that a reader must know before a number of a joint's record is used: errors first, then warnings.
 
 An interval knows scatter. It does not know that gravity was left out or that a filter decides, and a fit that lacks
-something may look as certain as one that does not. Where an error holds no friction is stated, no level, and nothing
-is proposed; it says what was seen, with its number, and what to do first. What contradicts the declarations of a log:
-see `contradictions`. Each check weighs another quantity by a rule of its own, so that they are functions and no table.
+something may look as certain as one that does not. After an error no friction, no level and no proposal is stated.
+Each finding states what was seen, with its number, and what to do first. Contradictions to the declarations of a log:
+see `contradictions`. Each check weighs another quantity by another rule, hence functions in place of a table.
 """
 
 from __future__ import annotations
@@ -27,40 +27,40 @@ from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, fi
 from stiction.identification.runs import Run
 
 LARGEST_REST = 0.3
-"""Share of the torque that may go unexplained, |residual| / |torque|: several times what the measured joints of
-results/identification leave with right flags. Beyond it what is missing is as large as dry friction usually is."""
+"""Largest unexplained share of the torque, |residual| / |torque|: several times what the measured joints of
+results/identification leave with right flags. Beyond it the missing part is as large as dry friction usually is."""
 
 NEGATIVE_FRICTION = "negative_friction"
-"""Reason of the objection to friction that would drive the joint: no law is then called the chosen one."""
+"""Reason of a finding on friction below zero: no law is then called the chosen one."""
 
 EXCITE = "`stiction excite` designs the motion"
-"""Where a better log comes from."""
+"""Source of a better log."""
 
 LARGEST_CHANGE = 0.02
-"""Relative change of a parameter, once torque may follow the position, that is worth a warning."""
+"""Relative change of a parameter, once torque may follow the position, above which a warning is given."""
 
 LARGEST_DRIFT = 0.05
-"""Change of the friction over the log, as a share, that is worth a warning if it is also beyond its interval."""
+"""Relative change of the friction over the log above which a warning is given, if it also exceeds its interval."""
 
 SAME_FRICTION = 0.15
-"""Relative gap of the friction at a common speed under which two parts agree on it."""
+"""Relative gap of the friction at a common speed below which two parts agree on it."""
 
 NAMELESS = warning(
     "joint",
-    "nobody named the joint, so it is called 'joint': `stiction train --joints` finds a robot's joints by name or "
+    "the log does not name the joint; using 'joint': `stiction train --joints` finds a robot's joints by name or "
     "kind; give --joint FL_shank, or --joint shank for all of its kind",
 )
-"""What is said of the only joint of a log without names."""
+"""Warning for the only joint of a log without names."""
 
 
 def find_errors(fits: JointFits, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Finding, ...]:
-    """Return what makes the fit invalid, the plainest first: units and flags, then the model, then the excitation.
+    """Return the findings that make the fit invalid, the plainest first: units and flags, the model, the excitation.
 
     moving: other joints that moved in the log.
     """
     model = [*_position(record), *_negative(fits), *([] if fits.follows else _rest(record))]
     if moving:
-        model = [replace(one, remedy=f"{one.remedy}; {coupled_text(moving)}") for one in model]
+        model = [replace(finding, remedy=f"{finding.remedy}; {coupled_text(moving)}") for finding in model]
     return (
         *find_contradictions(fits.run, record, fits.loop.mismatch),
         *model,
@@ -71,7 +71,7 @@ def find_errors(fits: JointFits, record: JointRecord, moving: Sequence[str] = ()
 
 
 def find_warnings(record: JointRecord, run: Run) -> tuple[Finding, ...]:
-    """Return what else the record's numbers and the run behind it call for."""
+    """Return the other findings on the record's numbers and the run behind it."""
     return (
         *(Finding("reading", text, severity="note") for text in run.notes),
         *_missing(record, run),
@@ -85,7 +85,7 @@ def find_warnings(record: JointRecord, run: Run) -> tuple[Finding, ...]:
 
 
 def no_friction_shown(record: JointRecord, friction: Estimate) -> Iterator[Finding]:
-    """Object to Coulomb friction whose interval reaches zero, unless the joint is held at rest by more."""
+    """Yield an error for Coulomb friction whose interval reaches zero, unless the joint is held at rest by more."""
     (low, high), holding = friction.interval95, record.holding_friction
     unit = "N m" if record.axis == "rotary" else "N"
     if low <= 0 and not (holding is not None and holding.interval95[0] > 0):
@@ -98,7 +98,7 @@ def no_friction_shown(record: JointRecord, friction: Estimate) -> Iterator[Findi
 
 
 def below_zero(name: str, friction: Estimate, where: str, remedy: str) -> Iterator[Finding]:
-    """Object to friction that would drive the joint. name: of the parameter; where: what the fit is to, `this log`."""
+    """Yield an error for friction below zero. name: parameter; where: fitted data in words, `this log`."""
     low, high = friction.interval95
     if high < 0:
         yield Finding(
@@ -110,14 +110,14 @@ def below_zero(name: str, friction: Estimate, where: str, remedy: str) -> Iterat
 
 
 def unexplained(share: float, known: str, more: str, remedy: str) -> Iterator[Finding]:
-    """Object to a fit that leaves a large share of the torque. known: what it explains; more: what the rest may be."""
+    """Yield an error for a fit that leaves much of the torque. known: explained part; more: causes of the rest."""
     if share > LARGEST_REST:
         seen = f"{share:.0%} of the torque is not explained by {known}, at most {LARGEST_REST:.0%} may be{more}"
         yield Finding("unexplained_torque", seen, remedy)
 
 
 def _position(record: JointRecord) -> Iterator[Finding]:
-    """Object to a torque that follows the position, where no gravity was fitted and it matters."""
+    """Yield an error for a torque that follows the position, where no gravity was fitted and it matters."""
     follows = record.diagnostics["position_torque"]
     worst = follows_position(follows, SERIOUS)
     if follows is None or worst is None:
@@ -132,7 +132,7 @@ def _position(record: JointRecord) -> Iterator[Finding]:
 
 
 def follows_position(follows: dict[str, Any] | None, least: float) -> str | None:
-    """Return which parameter changes most once torque may follow the position; None where by less than a share `least`.
+    """Return the parameter that changes most once torque may follow the position; None below a relative change `least`.
 
     follows: see `combinations.position_torque`.
     """
@@ -144,7 +144,7 @@ def follows_position(follows: dict[str, Any] | None, least: float) -> str | None
 
 
 def _negative(fits: JointFits) -> Iterator[Finding]:
-    """Object to friction below zero, the plainest, where no other law is in its place."""
+    """Yield an error for friction below zero, the plainest, where no other law is in its place."""
     if fits.chosen is not fits.base:
         return
     for name in ("coulomb_friction", "viscous_friction"):
@@ -164,13 +164,13 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
                 "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
                 "hangs on it"
             )
-        if found := list(below_zero(name, friction, "this log", cause)):
-            yield from found
+        if errors := list(below_zero(name, friction, "this log", cause)):
+            yield from errors
             return
 
 
 def _rest(record: JointRecord) -> Iterator[Finding]:
-    """Object to a fit that leaves much of the torque unexplained."""
+    """Yield an error for a fit that leaves much of the torque unexplained."""
     yield from unexplained(
         (record.friction_law or {})["relative_torque_error"],
         "inertia and friction",
@@ -182,7 +182,7 @@ def _rest(record: JointRecord) -> Iterator[Finding]:
 
 
 def _held_out(fits: JointFits) -> Iterator[Finding]:
-    """Object to a model that predicts a record which no fit saw no better than one without friction."""
+    """Yield an error for a model that predicts a held-out record no better than one without friction."""
     held = fits.held_out
     if held is None or not held.fails:
         return
@@ -195,7 +195,7 @@ def _held_out(fits: JointFits) -> Iterator[Finding]:
 
 
 def _cutoff(fits: JointFits) -> Iterator[Finding]:
-    """Object where a filter of half the corner finds another friction: then the filter decides, not the joint."""
+    """Yield an error where a filter of half the corner gives other friction: the filter decides then, not the joint."""
     run, base = fits.run, fits.base
     if not run.measured or base.rows is not run.rows or INVERSE_STRENGTH in base.names:
         return
@@ -203,20 +203,20 @@ def _cutoff(fits: JointFits) -> Iterator[Finding]:
     rows = make_rows([other], [run.setup.payload], run.setup.motor_strength or 1.0)
     if len(rows) < FEWEST_ROWS:
         return
-    one, two = (fit.estimates()["coulomb_friction"] for fit in (base, fit_rows(rows, base.model)))
-    gap = abs(one.value - two.value)
-    if gap <= SERIOUS * abs(one.value) or gap <= LARGEST_SIGMAS * float(np.hypot(one.std, two.std)):
+    first, second = (fit.estimates()["coulomb_friction"] for fit in (base, fit_rows(rows, base.model)))
+    gap = abs(first.value - second.value)
+    if gap <= SERIOUS * abs(first.value) or gap <= LARGEST_SIGMAS * float(np.hypot(first.std, second.std)):
         return
     yield Finding(
         "cutoff",
-        f"coulomb_friction is {one.value:.4g} with the filter at {run.prepared.cutoff:.3g} Hz and {two.value:.4g} "
+        f"coulomb_friction is {first.value:.4g} with the filter at {run.prepared.cutoff:.3g} Hz and {second.value:.4g} "
         "at half of that: the filter decides, not the joint",
         f"log faster and with less noise, and some of it slower; {EXCITE}",
     )
 
 
 def _missing(record: JointRecord, run: Run) -> Iterator[Finding]:
-    """Name what was not given, and what is null for it."""
+    """Yield warnings about missing declarations, and about what is null without them."""
     if run.measured and run.setup.torque_source is None:
         yield warning(
             "torque_source",
@@ -247,7 +247,7 @@ def _missing(record: JointRecord, run: Run) -> Iterator[Finding]:
 
 
 def _unknown(record: JointRecord, run: Run) -> Iterator[Finding]:
-    """Say what this kind of log cannot tell, and which experiment would."""
+    """Yield warnings about what this kind of log cannot tell, and the experiment that would."""
     strength, setup = record.diagnostics["strength"], run.setup
     if strength["missing"]:
         yield warning("motor_strength", strength["missing"])
@@ -315,7 +315,7 @@ def _unknown(record: JointRecord, run: Run) -> Iterator[Finding]:
 
 
 def _fit(record: JointRecord) -> Iterator[Finding]:
-    """Warn of parameters that the log does not show, and of intervals that rest on little."""
+    """Yield warnings about parameters that the log does not show, and intervals that rest on little."""
     for name in ("inertia", "viscous_friction"):
         estimate = getattr(record, name)
         if estimate is not None and estimate.interval95[0] <= 0 <= estimate.interval95[1]:
@@ -340,8 +340,8 @@ def _fit(record: JointRecord) -> Iterator[Finding]:
 
 
 def repeat_lines(record: JointRecord) -> list[str]:
-    """Return a line for each repeat: what agrees, how well it is predicted, and over the fit's own error."""
-    own = (record.friction_law or {}).get("relative_torque_error")
+    """Return a line for each repeat: agreement, error of its prediction, and ratio to the fit's error."""
+    fit_error = (record.friction_law or {}).get("relative_torque_error")
     compared = {data["parts"][1]: data for data in record.diagnostics.get("comparisons", ()) if data["repeat"]}
     lines = []
     for tried in record.diagnostics.get("predictions", ()):
@@ -355,52 +355,53 @@ def repeat_lines(record: JointRecord) -> list[str]:
             parts += [f"{', '.join(data['disputed'])} do not"] if data["disputed"] else []
         error = tried["torque_error"]
         parts.append(
-            f"torque predicted to {error:.2%}" + (f", {error / own:.2g} times the fit's own {own:.2%}" if own else "")
+            f"torque predicted to {error:.2%}"
+            + (f", {error / fit_error:.2g} times the fit's own {fit_error:.2%}" if fit_error else "")
         )
         lines.append(f"repeat {tried['source']}: {'; '.join(parts)}")
     return lines
 
 
 def _repeats(record: JointRecord) -> Iterator[Finding]:
-    """Warn of repeats that could not be used, or that the law does not predict."""
-    own = (record.friction_law or {})["relative_torque_error"]
+    """Yield warnings about repeats that could not be used, or that the law does not predict."""
+    fit_error = (record.friction_law or {})["relative_torque_error"]
     for tried in record.diagnostics["predictions"]:
         if "refusal" in tried:
             yield warning(
                 "repeat",
                 f"the repeat {tried['source']} could not be used, and the rest stands without it: {tried['refusal']}",
             )
-        elif predicted_badly(tried, own):
+        elif predicted_badly(tried, fit_error):
             yield warning(
                 "repeat",
                 f"the repeat {tried['source']} is predicted badly: {tried['torque_error']:.1%} of its torque is not, "
-                f"against {own:.1%} of the log's own: other gains do not matter to that, but another load, "
+                f"against {fit_error:.1%} of the log's own: other gains do not matter to that, but another load, "
                 "temperature, payload or torque from outside (feedforward, disturbance) does",
             )
 
 
 def _parts(record: JointRecord) -> Iterator[Finding]:
-    """Warn where parts of the log, or repeats, do not agree, and say what that points to."""
-    own = (record.friction_law or {})["relative_torque_error"]
-    poor = {tried["source"] for tried in record.diagnostics["predictions"] if predicted_badly(tried, own)}
+    """Yield warnings about parts of the log, or repeats, that disagree, with the likely reason."""
+    fit_error = (record.friction_law or {})["relative_torque_error"]
+    poor = {tried["source"] for tried in record.diagnostics["predictions"] if predicted_badly(tried, fit_error)}
     for comparison in record.diagnostics["comparisons"]:
-        one, two = comparison["parts"]
+        first, second = comparison["parts"]
         disputed = " and ".join(comparison["disputed"])
         if disputed and comparison["alternative"]:
             yield warning(
                 "late_torque",
-                f"with the {two}, {disputed} come out otherwise, beyond their intervals, which are widened until they "
-                "admit both: torque and angle of the log are not of the same instant; log the target too and give "
+                f"with the {second}, {disputed} come out otherwise, beyond their intervals, which are widened until "
+                "they admit both: torque and angle of the log are not of the same instant; log the target too and give "
                 "--kp and --kd, and the log tells when the torque acted",
             )
         elif disputed:
-            alone = comparison["repeat"] and two in poor
+            alone = comparison["repeat"] and second in poor
             yield warning(
                 "disputed",
-                f"{one} and {two} do not agree on {disputed}, beyond their own intervals{_reason(comparison)}; the "
-                "stated intervals "
+                f"{first} and {second} do not agree on {disputed}, beyond their own intervals{_reason(comparison)}; "
+                "the stated intervals "
                 + (
-                    f"are those of {one} alone, for {two} is predicted badly"
+                    f"are those of {first} alone, for {second} is predicted badly"
                     if alone
                     else "are widened until they admit both"
                 ),
@@ -425,19 +426,19 @@ def _parts(record: JointRecord) -> Iterator[Finding]:
 
 
 def _reason(comparison: dict[str, Any]) -> str:
-    """Say whether two parts agree on the friction itself, though not on how it splits into viscous and dry."""
+    """Describe whether two parts agree on the friction itself, though not on its split into viscous and dry."""
     if not {"viscous_friction", "coulomb_friction"} & set(comparison["disputed"]):
         return ""
-    one, two = (data["value"] for data in comparison["friction"])
-    gap = abs(one - two) / max(abs(one), abs(two), 1e-300)
-    where = f"at a speed of {comparison['speed']:.3g}, which both reach, their friction is {one:.4g} and {two:.4g}"
+    first, second = (data["value"] for data in comparison["friction"])
+    gap = abs(first - second) / max(abs(first), abs(second), 1e-300)
+    where = f"at a speed of {comparison['speed']:.3g}, which both reach, their friction is {first:.4g} and {second:.4g}"
     if gap < SAME_FRICTION:
         return f": {where}, so they differ in how it splits into viscous and dry, not in how much there is"
     return f": {where}"
 
 
 def _signals(record: JointRecord, run: Run) -> Iterator[Finding]:
-    """Warn of a logged velocity that is not the derivative of the position, and of a motor at its limit."""
+    """Yield warnings about a logged velocity that is not the derivative of the position, and a motor at its limit."""
     logged, velocity = run.signals.velocity, run.prepared.velocity
     if logged is not None:
         slope = float(np.dot(logged, velocity) / np.dot(velocity, velocity))

@@ -1,4 +1,4 @@
-"""Prediction of a record that no fit saw: in its loop, and open loop from restarts, in units that people feel.
+"""Prediction of a held-out record: in closed loop, and in open loop from restarts, in degrees or millimetres.
 
 Every model is fitted to one part of the log and predicts the rest, or another log: what was chosen, viscous and Coulomb
 friction, the textbook's least squares on torque, and no friction at all. A record that is predicted need not tell any
@@ -27,13 +27,13 @@ HORIZONS = (0.1, 0.5, 2.0)
 """Times after a restart over which the open loop is predicted [s]."""
 
 MOST_RESTARTS = 12
-"""Restarts of one horizon, evenly over the record."""
+"""Maximum number of restarts of one horizon, evenly over the record."""
 
 TRAINED = 0.7
-"""First share of a log that is fitted where the rest of it is predicted."""
+"""Share of a log, from its start, that is fitted where the rest is predicted."""
 
 LEAD = 2.0
-"""Time before the record that is predicted from which on its loop is simulated [s]."""
+"""Time before the predicted record at which the simulation of its loop starts [s]."""
 
 FRICTION = ("viscous_friction", "coulomb_friction")
 """Parameters that are zero in a model without friction."""
@@ -41,16 +41,16 @@ FRICTION = ("viscous_friction", "coulomb_friction")
 
 @dataclass(frozen=True)
 class Prediction:
-    """How far a model's prediction is from what was measured, root mean square."""
+    """Root-mean-square errors of a model's prediction."""
 
     model: str
     """`chosen`, `coulomb`, `textbook` or `no friction`."""
     closed_loop: float | None
-    """Of the position in its loop [rad]; None without gains and target."""
+    """Error of the position in closed loop [rad]; None without gains and target."""
     open_loop: tuple[float | None, ...]
-    """Of the position driven by the torque of the log, over each of `HORIZONS` after a restart [rad]."""
+    """Errors of the position driven by the torque of the log, over each of `HORIZONS` after a restart [rad]."""
     torque: float | None
-    """Of the torque in its loop, over the rms of the log's torque [1]; None without a loop or a torque."""
+    """Error of the torque in closed loop, over the rms of the log's torque [1]; None without a loop or a torque."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class HeldOut:
     predictions: tuple[Prediction, ...]
 
     def error(self, model: str) -> float | None:
-        """Return a model's error in its loop, else that over half a second [rad]; None where neither is known."""
-        prediction = next((one for one in self.predictions if one.model == model), None)
+        """Return a model's error in closed loop, else that over half a second [rad]; None where neither is known."""
+        prediction = next((item for item in self.predictions if item.model == model), None)
         if prediction is None:
             return None
         return prediction.closed_loop if prediction.closed_loop is not None else prediction.open_loop[1]
@@ -82,7 +82,7 @@ class HeldOut:
             "source": self.source,
             "seconds": self.seconds,
             "horizons": list(HORIZONS),
-            "predictions": [vars(one) for one in self.predictions],
+            "predictions": [vars(prediction) for prediction in self.predictions],
         }
 
 
@@ -113,7 +113,7 @@ def hold_out(
         record, judged = _last_part(record, judged)
     predictions: dict[str, Prediction] = {}
     for name, model in models.items():
-        # Where no richer law was chosen both are one.
+        # Both are one where no richer law was chosen.
         same = predictions.get("chosen") if model == models["chosen"] else None
         predictions[name] = replace(same, model=name) if same else _predict(name, *model, record, judged)
     source = record.source if other is not None else f"last {1 - TRAINED:.0%} of {run.source}"
@@ -123,13 +123,15 @@ def hold_out(
 def predicts(record: JointRecord) -> bool:
     """Return True if what was chosen predicts an unseen record in its loop."""
     held = record.diagnostics.get("held_out") or {"predictions": ()}
-    return any(one["model"] == "chosen" and one["closed_loop"] is not None for one in held["predictions"])
+    return any(
+        prediction["model"] == "chosen" and prediction["closed_loop"] is not None for prediction in held["predictions"]
+    )
 
 
 def _last_part(run: Run, judged: np.ndarray) -> tuple[Run, np.ndarray]:
-    """Return what of a run has to be simulated to predict its judged samples, and these; shape (num_samples,).
+    """Return the part of a run to simulate for its judged samples, and their mask, shape (num_samples,).
 
-    A simulation forgets where it began well within `LEAD`.
+    A simulation forgets its initial state well within `LEAD`.
     """
     first = max(0, int(np.argmax(judged)) - round(LEAD / run.signals.step))
     return part_of(run, slice(first, None)), judged[first:]
@@ -138,7 +140,7 @@ def _last_part(run: Run, judged: np.ndarray) -> tuple[Run, np.ndarray]:
 def _models(
     run: Run, base: Fit, chosen: Fit, simulated: Sequence[OutputError | None], seen: np.ndarray
 ) -> dict[str, Values] | None:
-    """Return the models as the seen samples of a run have them; None where these are too few."""
+    """Return the models fitted to the seen samples of a run; None where these are too few."""
     rows = base.rows.take(seen[run.prepared.used]) if len(base.rows) == len(run.prepared.used) else base.rows
     if len(rows) < FEWEST_ROWS:
         return None
@@ -149,7 +151,7 @@ def _models(
             part = best.part(seen & run.signals.valid) if not seen.all() else best.estimates
             if part is None:
                 return None
-            values = {key: one.value for key, one in part.items()}
+            values = {key: estimate.value for key, estimate in part.items()}
         elif fit.model.law == "breakaway":
             values = dict(fit.by_name)
         else:
@@ -215,13 +217,13 @@ def prediction_text(held: Mapping[str, Any], axis: str) -> str:
 
     axis: `rotary` or `linear`.
     """
-    errors = {one["model"]: one for one in held["predictions"]}
+    errors = {prediction["model"]: prediction for prediction in held["predictions"]}
     closed = errors["chosen"]["closed_loop"] is not None
     place = "in closed loop" if closed else f"over {HORIZONS[1]:g} s from a restart"
     known = {
         model: value
-        for model, one in errors.items()
-        if (value := one["closed_loop"] if closed else one["open_loop"][1]) is not None
+        for model, prediction in errors.items()
+        if (value := prediction["closed_loop"] if closed else prediction["open_loop"][1]) is not None
     }
     words = {"coulomb": "with viscous and Coulomb friction alone", "textbook": "by the textbook's regression"}
     parts = [f"{angle_text(known['chosen'], axis)} {place}"] if "chosen" in known else ["not known"]
@@ -232,14 +234,14 @@ def prediction_text(held: Mapping[str, Any], axis: str) -> str:
 
 
 def predictions_text(records: Mapping[str, JointRecord]) -> str:
-    """Return the range of the errors of several joints, and without friction; empty where none is known."""
+    """Return the range of the errors of several joints, with and without friction; empty where none is known."""
     ranges = {}
     for model in ("chosen", "no friction"):
         known = [
-            (one["closed_loop"], record.axis)
+            (prediction["closed_loop"], record.axis)
             for record in records.values()
-            for one in (record.diagnostics.get("held_out") or {"predictions": ()})["predictions"]
-            if one["model"] == model and one["closed_loop"] is not None
+            for prediction in (record.diagnostics.get("held_out") or {"predictions": ()})["predictions"]
+            if prediction["model"] == model and prediction["closed_loop"] is not None
         ]
         if known:
             ranges[model] = " to ".join(angle_text(value, axis) for value, axis in (min(known), max(known)))
@@ -250,5 +252,5 @@ def predictions_text(records: Mapping[str, JointRecord]) -> str:
 
 
 def angle_text(value: float, axis: str) -> str:
-    """Return an rms error of the position as people feel it: degrees, or millimetres of a linear axis."""
+    """Return an rms error of the position in degrees, or in millimetres for a linear axis."""
     return f"{1e3 * value:.2g} mm" if axis == "linear" else f"{np.rad2deg(value):.2g}°"

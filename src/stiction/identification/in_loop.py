@@ -1,4 +1,4 @@
-"""Fits that simulate the joint under its controller, and what they say about how the log is to be read."""
+"""Fits that simulate the joint under its controller, and the reading of the log that they support."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from stiction.identification.setup import Payload
 from stiction.joints.pd import PDGains
 
 CONFOUNDED = ("offset", "gravity_sin", "gravity_cos")
-"""Parameters that a small range of angles does not tell apart: no harm to the others."""
+"""Parameters that a small range of angles does not tell apart, without harm to the others."""
 
 MOST_GAPS = 10
-"""Long gaps of a log through which its loop is simulated."""
+"""Most long gaps of a log whose loop is simulated."""
 
 NOISY = 3.0
-"""Residual of the best law's simulation over the position's noise, beyond which a torque that the declared controller
-does not quite explain is believed in its place."""
+"""Residual of the best law's simulation over the position's noise above which the logged torque is trusted in place
+of a declared controller that does not quite explain it."""
 
 FIRST_DELAY = 1e-3
 """Delay at which the search begins [s]."""
@@ -44,7 +44,7 @@ FIRST_DELAY = 1e-3
 
 @dataclass(frozen=True)
 class InLoop:
-    """What the simulations of one run gave; None where one could not be done."""
+    """Simulations of one run; None where one could not be done."""
 
     symmetric: OutputError | None = None
     """Output error with viscous and Coulomb friction."""
@@ -55,9 +55,9 @@ class InLoop:
     mismatch: Mismatch | None = None
     """Gap between the logged torque and the declared controller's; None without torque or gains."""
     reason: str | None = None
-    """Why it was not done."""
+    """Reason why output error was not done, else None."""
     told: bool = True
-    """True if the log says whether its target was held between the samples, or at its rate that makes no difference."""
+    """True if the log tells whether its target was held between the samples, or its rate makes no difference."""
 
     @property
     def best(self) -> OutputError | None:
@@ -67,7 +67,7 @@ class InLoop:
     def believed(self, noise: float) -> InLoop:
         """Return the simulations, or none where no law follows a log whose torque is not quite the controller's.
 
-        noise: of the position [rad].
+        noise: standard deviation of the position's noise [rad].
         """
         best, mismatch = self.best, self.mismatch
         if best is None or mismatch is None or mismatch.rest <= EXPLAINED or best.rms <= NOISY * noise:
@@ -81,7 +81,7 @@ class InLoop:
 
 
 def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
-    """Fit viscous and Coulomb friction by simulation; return the run as it is to be read, and the fit.
+    """Fit viscous and Coulomb friction by simulation; return the run with its reading, and the fit.
 
     base: the symmetric regression, where the search begins.
     """
@@ -107,7 +107,7 @@ def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
 
 
 LEAST_LATE = 0.3
-"""Delay of a straight target, over a sample interval, from which on a held one is tried: it would lag by half."""
+"""Delay of a straight target, over a sample interval, above which a held one is tried: it would lag by half."""
 
 TELLING = 3.0
 """Residual of the straight reading over the position's noise up to which a held one is tried: more hides it."""
@@ -116,8 +116,8 @@ CONTEST = 6.0
 """First part of a log on which a straight and a held target are compared [s]."""
 
 APART = 1.02
-"""Residual of one reading over that of the other from which on the positions tell them apart: less is what a simulation
-leaves out of either."""
+"""Ratio of the residuals of two readings above which the positions tell them apart: less may be due to what a
+simulation leaves out."""
 
 NEAR_HALF = 0.15
 """Distance of a straight target's delay from half a sample interval, over the interval, within which a held target is
@@ -125,10 +125,10 @@ the likelier reading: a target that is held lags by half an interval in the mean
 
 
 def _read(run: Run, base: Fit) -> tuple[Run, OutputError, bool]:
-    """Simulate with a straight target and, where it may have been held, so, and keep what the log says.
+    """Simulate with a straight target and, where it may have been held, with a held one; keep the reading of the log.
 
-    Returns the run read so, its simulation, and whether the log says which it is. Raises `LoopError` where it cannot
-    be simulated.
+    Returns the run with that reading, its simulation, and True if the log tells which it is. Raises `LoopError` where
+    it cannot be simulated.
     """
     fitted, told = simulate_fit(run, base), not may_hold(run.signals)
     if not told and _late(run, fitted):
@@ -145,10 +145,10 @@ def _late(run: Run, fitted: OutputError) -> bool:
 
 
 def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
-    """Return whether the target was held between the samples, and whether the log says so.
+    """Return True if the target was held between the samples, and True if the log tells so.
 
-    On the first part of the log, by its positions. Where both readings follow them equally well, or what a law lacks
-    hides it, it is taken as held if the straight one is late by half a sample interval.
+    Compares the first part of the log, by its positions. Where both readings follow them equally well, or a deficient
+    law hides the difference, the target counts as held if the straight one is late by half a sample interval.
     """
     half = abs(whole.values.get("delay", 0.0) / run.signals.step - 0.5) < NEAR_HALF
     if whole.rms > TELLING * run.prepared.noise:
@@ -166,7 +166,7 @@ def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
 
 
 def doubt(run: Run, loop: InLoop) -> dict[str, float]:
-    """Return what inertia and viscous friction change by in the other reading of the target, where that may be right.
+    """Return the changes of inertia and viscous friction by the other reading of the target, where that may be right.
 
     A held target lags by half a step, by which the loop itself is then less late, and a loop that is late by d is a
     joint of inertia I − kd d + kp d²/2 and viscous friction B − kp d (`closed_loop`).
@@ -177,11 +177,13 @@ def doubt(run: Run, loop: InLoop) -> dict[str, float]:
     gains, less = controller(run), 0.5 * step
     kp, kd, delay = gains.strength * gains.kp, gains.strength * gains.kd, best.values.get("delay", 0.0) + less * held
     inertia = -kd * less + 0.5 * kp * (delay**2 - (delay - less) ** 2)
-    return {name: -one if held else one for name, one in (("inertia", inertia), ("viscous_friction", -kp * less))}
+    return {
+        name: -change if held else change for name, change in (("inertia", inertia), ("viscous_friction", -kp * less))
+    }
 
 
 def read_again(run: Run, fitted: OutputError) -> Run:
-    """Return the run with its torque moved to where the simulation says that it acted."""
+    """Return the run with its torque moved to the time at which it acted by the simulation."""
     delay = fitted.values.get("delay", run.setup.delay or 0.0)
     lag = 0.0
     if run.signals.torque is not None:
@@ -191,7 +193,7 @@ def read_again(run: Run, fitted: OutputError) -> Run:
 
 
 def evidence_between(plain: OutputError, rich: OutputError, more: int) -> float:
-    """Return by how much the information criterion falls from a simulation to another; more: its further parameters."""
+    """Return the decrease of the information criterion from a simulation to another; more: its further parameters."""
     both = plain.counted & rich.counted
     before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, rich))
     return evidence_of(before, after, more)
@@ -237,7 +239,7 @@ def compare_controller(run: Run) -> Mismatch | None:
 def fit_in_loop(
     run: Run, fit: Fit, start: dict[str, float] | None = None, pieces: int | None = None, trials: int = MAX_ITERATIONS
 ) -> OutputError | None:
-    """Return what `simulate_fit` does, or None where it raises `LoopError`: for fits that the user need not have."""
+    """Return the result of `simulate_fit`, or None where it raises `LoopError`: for fits that are not essential."""
     try:
         return simulate_fit(run, fit, start, pieces, trials)
     except LoopError:
@@ -331,7 +333,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
 
 
 def _check_identified(fitted: OutputError, needed: Sequence[str]) -> None:
-    """Raise `LoopError` where the simulation that follows a log best does not tell all of some parameters."""
+    """Raise `LoopError` where the best simulation of a log does not tell all of some parameters."""
     if lost := [name for name in needed if name in fitted.unidentified]:
         raise LoopError(
             f"output error is not done: the simulation that follows the log best does not tell {', '.join(lost)}"
@@ -345,7 +347,7 @@ def _weight(payload: Payload) -> dict[str, float]:
 
 
 def _payload(run: Run) -> dict[str, float]:
-    """Return what a known payload adds to inertia and gravity, over k; nothing without one."""
+    """Return the inertia and gravity of a known payload, over k; empty without one."""
     payload = run.setup.payload
     if payload is None:
         return {}
@@ -353,7 +355,7 @@ def _payload(run: Run) -> dict[str, float]:
 
 
 def _signals(run: Run) -> Uniform:
-    """Return the log with the torque from outside over k: the loop is simulated as if k were 1."""
+    """Return the signals with the torque from outside over k: the loop is simulated as if k were 1."""
     outside = run.signals.disturbance
     return run.signals if outside is None else replace(run.signals, disturbance=_over_k(run) * outside)
 
@@ -364,14 +366,14 @@ def _over_k(run: Run) -> float:
 
 
 def _finds_bias(run: Run) -> bool:
-    """Return True if the encoder's bias is asked for, and shows: without torque it is one with the offset."""
+    """Return True if the encoder's bias is requested, and shows: without torque it is one with the offset."""
     return "encoder_bias" in run.setup.unknowns and run.measured and run.setup.hanging_angle is None
 
 
 def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
-    """Simulate the whole of a run with the joint's own values, the payload's added, on the log's own samples.
+    """Simulate a whole run with the joint's values, the payload's added, on the samples of the log.
 
-    What is not given is zero, and so is friction below zero. Raises `StictionError` as `controller` and
+    Missing values are zero, and so is friction below zero. Raises `StictionError` as `controller` and
     `ClosedLoop.run`.
     """
     gains, extra, signals = controller(run), _payload(run), _signals(run)
@@ -394,7 +396,7 @@ def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
-    """Return how far a simulation with another run's values is from this run, over its signals; None without a loop."""
+    """Return the relative errors of a simulation of this run with another run's values; None without a loop."""
     if INVERSE_STRENGTH in fit.names:
         return None
     try:
@@ -415,23 +417,23 @@ def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
 
 
 def compare_in_loop(run: Run, whole: OutputError | None) -> tuple[Comparison, ...]:
-    """Compare the parts of a log, each as the whole simulation's derivatives say it would be fitted by itself.
+    """Compare the parts of a log, each fitted by the derivatives of the whole simulation.
 
     Gravity, offset and delay stay as the whole log has them: the link is the same one, and a part tells them less
-    apart. Nothing where there is no simulation.
+    apart. Empty without a simulation.
     """
     if whole is None or not set(COMPARED) <= set(whole.estimates):
         return ()
     comparisons = []
     for split in splits(run.signals.time, run.prepared.velocity):
-        kept = (*CONFOUNDED, "delay")
-        parts = [whole.part(part & run.signals.valid, kept) for part in (split.first, ~split.first)]
-        one, other = parts
-        if one is None or other is None:
+        fixed = (*CONFOUNDED, "delay")
+        parts = [whole.part(part & run.signals.valid, fixed) for part in (split.first, ~split.first)]
+        first, second = parts
+        if first is None or second is None:
             continue
         speed = common_speed(*(run.prepared.velocity[part] for part in (split.first, ~split.first)))
-        values = {name: (one[name], other[name]) for name in COMPARED}
-        friction = _friction(one, speed), _friction(other, speed)
+        values = {name: (first[name], second[name]) for name in COMPARED}
+        friction = _friction(first, speed), _friction(second, speed)
         comparisons.append(Comparison(split.label, split.parts, values, speed, friction))
     return tuple(comparisons)
 

@@ -2,7 +2,7 @@
 
 The log is cut into blocks longer than the residual's memory. The spread of the blocks' contributions gives the
 covariance (the cluster-robust "sandwich"), and a block bootstrap gives the distribution of each estimate's studentised
-error: how many of its own standard deviations it may be off.
+error: its error in its standard deviations.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from stiction.core.linear import check_condition, invert
 from stiction.files.joints import Estimate
 
 MOST_BLOCKS = 30
-"""More blocks gain little: t with 29 degrees of freedom is within 5 % of the normal."""
+"""Most blocks of a log: more gain little, for t with 29 degrees of freedom is within 5 % of the normal."""
 
 FEWEST_BLOCKS = 8
-"""Fewer blocks say too little about their own spread."""
+"""Fewest blocks of a log: fewer say too little about their spread."""
 
 BLOCK_MEMORIES = 8.0
 """Length of a block in correlation times of the residual."""
@@ -35,19 +35,19 @@ SMALLEST_RESIDUAL = 1e-4
 """Residual over torque below which a fit is not believed to be better: a prior keeps some weight [1]."""
 
 SEED = 20_251
-"""Of the bootstrap's draws: the same log gives the same intervals."""
+"""Seed of the bootstrap: the same log gives the same intervals."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """What each block of a log adds to the estimating equations A δ = g; B blocks, P parameters."""
+    """Contributions of each block of a log to the estimating equations A δ = g; B blocks, P parameters."""
 
     curvature: np.ndarray
     """A of each block, ZᵀW, shape (B, P, P)."""
     gradient: np.ndarray
     """g of each block, Zᵀr, shape (B, P)."""
     rows: int
-    """Rows in all."""
+    """Number of rows."""
 
     @property
     def count(self) -> int:
@@ -74,7 +74,7 @@ def correlation_time(residual: np.ndarray) -> float:
 
 
 def block_count(residual: np.ndarray) -> int:
-    """Return how many blocks to cut a series into so that each outlasts the residual's memory."""
+    """Return the number of blocks of a series with which each outlasts the residual's memory."""
     wanted = int(len(residual) / (BLOCK_MEMORIES * correlation_time(residual)))
     return int(np.clip(wanted, FEWEST_BLOCKS, MOST_BLOCKS))
 
@@ -99,7 +99,7 @@ def make_blocks(
 def robust_covariance(blocks: Blocks) -> np.ndarray:
     """Return the covariance of the estimates, shape (P, P): A⁻¹ (Σ_blocks g gᵀ) A⁻ᵀ with the small-sample factor.
 
-    Infinite on the diagonal, and zero beside it, for estimates that the equations leave open.
+    Infinite on the diagonal, and zero off it, for estimates that the equations leave open.
     """
     bread, told = invert(blocks.curvature.sum(axis=0))
     parameters = bread.shape[0]
@@ -147,7 +147,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
     change = (bread @ (draws @ blocks.gradient)[..., None])[..., 0]
     told = change @ blocks.curvature.reshape(-1, parameters).T
     left = blocks.gradient - told.reshape(-1, blocks.count, parameters)
-    # Each resample is studentised by its own sandwich, of what its blocks leave unexplained at its own estimates.
+    # Each resample is studentised by the sandwich of what its blocks leave unexplained at its estimates.
     influence = left @ bread.swapaxes(1, 2)
     spread = np.sqrt((draws[:, None, :] @ influence**2)[:, 0].clip(1e-300))
     reach = np.quantile(np.abs(change) / spread, 0.95, axis=0)
@@ -156,7 +156,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
 
 @cache
 def _draws(count: int) -> np.ndarray:
-    """Return how often each of some blocks is drawn in each resample; shape (DRAWS, count)."""
+    """Return the number of times that each block is drawn in each resample; shape (DRAWS, count)."""
     return np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), DRAWS).astype(float)
 
 

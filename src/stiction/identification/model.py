@@ -36,11 +36,11 @@ GRAVITY_TERMS = ("gravity_sin", "gravity_cos")
 
 
 NOT_NEGATIVE = ("coulomb_friction", "static_friction", "load_coefficient", "effort_coefficient")
-"""Parameters that no joint has below zero. An estimate may be: where there is no friction it scatters about zero."""
+"""Parameters that no joint has below zero. Estimates may be below: without friction they scatter about zero."""
 
 
 def nearest_joint(values: Mapping[str, float]) -> dict[str, float]:
-    """Return estimates as the nearest joint has them, by name: less than no friction is none."""
+    """Return estimates by name, with friction parameters below zero set to zero."""
     return {name: max(0.0, value) if name in NOT_NEGATIVE else value for name, value in values.items()}
 
 
@@ -51,7 +51,7 @@ class Model:
     law: Law = "coulomb"
     """Friction law."""
     gravity: bool = False
-    """Whether gravity pulls on the link."""
+    """True if gravity pulls on the link."""
     middle: float = 0.0
     """θ_m of the position law [rad]."""
 
@@ -67,15 +67,15 @@ class Model:
         """
         if len(values) != len(self.names):
             raise ConfigurationError(f"{len(values)} values for {', '.join(self.names)}: expected {len(self.names)}")
-        of = {name: float(value) for name, value in zip(self.names, values)}
-        offset = of.get("offset", 0.0)
-        if "coulomb_friction_forward" in of:
-            offset = 0.5 * (of["coulomb_friction_forward"] - of["coulomb_friction_backward"])
+        by_name = {name: float(value) for name, value in zip(self.names, values)}
+        offset = by_name.get("offset", 0.0)
+        if "coulomb_friction_forward" in by_name:
+            offset = 0.5 * (by_name["coulomb_friction_forward"] - by_name["coulomb_friction_backward"])
         pieces = find_law(self.law).joint
         assert pieces is not None
-        friction = pieces(of | {"position_middle": self.middle})
-        gravity = Gravity(of["gravity_sin"], of["gravity_cos"]) if self.gravity else None
-        return Joint(of["inertia"], of.get("viscous_friction", 0.0), friction, offset, gravity)
+        friction = pieces(by_name | {"position_middle": self.middle})
+        gravity = Gravity(by_name["gravity_sin"], by_name["gravity_cos"]) if self.gravity else None
+        return Joint(by_name["inertia"], by_name.get("viscous_friction", 0.0), friction, offset, gravity)
 
 
 def parameter_torques(
@@ -83,7 +83,7 @@ def parameter_torques(
 ) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
-    values: the model's parameters; joint: what was simulated; motion: what it did, cut at its events; effort: torque
+    values: the model's parameters; joint: the simulated joint; motion: its motion, cut at its events; effort: torque
     of the motor [N m]. Arrays of shape (2, num_steps).
     """
     ones = np.ones_like(motion.position)
@@ -132,12 +132,12 @@ def _stribeck(values: dict[str, float], sign: np.ndarray, motion: Segments) -> d
 def _at_angle(
     values: dict[str, float], sign: np.ndarray, motion: Segments, joint: Joint, middle: float
 ) -> dict[str, np.ndarray]:
-    """Return the torques of the three parameters of friction over the angle: none where it is cut off at zero."""
-    away, there = motion.position - middle, joint.friction.at_angle(motion.position) > -values["coulomb_friction"]
+    """Return the torques of the three parameters of friction over the angle: zero where friction is cut off at zero."""
+    away, active = motion.position - middle, joint.friction.at_angle(motion.position) > -values["coulomb_friction"]
     return {
-        "coulomb_friction": -sign * there,
-        "position_slope": -sign * there * away,
-        "position_curvature": -sign * there * away**2,
+        "coulomb_friction": -sign * active,
+        "position_slope": -sign * active * away,
+        "position_curvature": -sign * active * away**2,
     }
 
 

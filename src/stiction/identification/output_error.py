@@ -38,16 +38,16 @@ Signal = Literal["position", "torque"]
 """Signal of a log that a simulation is judged by."""
 
 FEWEST_SAMPLES = 50
-"""Samples of a part of a log that is fitted by itself."""
+"""Fewest samples of a part of a log that is fitted alone."""
 
 MAX_ITERATIONS = 40
-"""Points tried before the search ends where it is."""
+"""Maximum number of trial points of a search."""
 
 MAX_REJECTED_STEPS = 5
-"""Steps in a row, each shorter than the last, that raise the cost: a corner, and the search ends on it."""
+"""Rejected steps in a row, each shorter than the last, after which the search ends: it stands on a corner."""
 
 RELATIVE_CURVATURE_FLOOR = 1e-12
-"""Curvature, over the largest one with columns of unit length, under which a direction is left alone."""
+"""Curvature, over the largest one with columns of unit length, below which a direction is left alone."""
 
 
 # Not scipy.optimize.least_squares: stick and slip leave corners in the cost that no step size resolves, on which it
@@ -110,53 +110,53 @@ def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, dampin
 
 
 FEW_TRIALS, FEW_ROUNDS = 8, 1
-"""Points tried in each round, and rounds, where fits are compared: the one that is kept is fitted to the end."""
+"""Trial points of a round, and rounds, where fits are compared: the chosen one is then fitted to the end."""
 
 ROUNDS, MOST_ROUNDS = 3, 8
-"""Rounds of the search, at least and at most, each with weights and exact delay of what the one before found."""
+"""Least and most rounds of the search, each with weights and exact delay from the round before."""
 
 SETTLED_SHARE = 0.03
-"""Change of the path between two passes, over the position's residual, at which the search takes a simulation."""
+"""Change of the path between two passes, over the position's residual, below which a simulation is accepted."""
 
 SETTLED_DELAY = 0.02
-"""Change of the delay from round to round, in steps, at which it is settled."""
+"""Change of the delay from round to round, in steps, below which it is settled."""
 
 COST_TOLERANCE = 1e-3
-"""The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
+"""Relative change of cost at which the first fit ends; its residuals weigh position against torque in the second."""
 
 CHI2_TOLERANCE = 1e-2
-"""The others end where chi² would fall by less than this: a tenth of a standard deviation."""
+"""Decrease of chi² below which later fits end: a tenth of a standard deviation."""
 
 MAX_EXTRAPOLATION = 0.2
-"""Change of the motion up to which its derivatives are trusted to predict it, as the guess of a simulation [rad]."""
+"""Largest change of the motion that its derivatives may predict, as the guess of a simulation [rad]."""
 
 MAX_CONDITION = 1e6
 """Condition number of the Jacobian with unit columns beyond which parameters are not told apart."""
 
 MAX_STD = {"delay": 0.02, "log_bias": 0.5, "motor_strength": 0.5}
-"""Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
+"""Standard deviation above which an unknown of the loop is not identified: its prior knowledge is better."""
 
 START_SAMPLES = 10
-"""Samples that show the start; where none of them counts the start is taken as it was measured."""
+"""Samples that show the initial state; where none of them counts, the measured one is used."""
 
 STILL = 0.02
-"""Share of the top speed, its 99th percentile, under which the joint is taken to start from rest."""
+"""Share of the top speed, its 99th percentile, below which the joint is taken to start from rest."""
 
 SETTLING = 5.0
 """Time constants of the loop after which a simulation has forgotten a gap: less than a hundredth of it is left."""
 
 MAX_PHASES = 300_000
-"""Phases of stick and slip after which the search ends where it is: half a minute. Ordinary logs need a tenth of it."""
+"""Phases of stick and slip after which the search ends: half a minute. Ordinary logs need a tenth of it."""
 
 FAILED_RESIDUAL = 1e3
-"""Residual, in units of its size, where there is no such joint."""
+"""Residual, in units of its size, of a joint that cannot be simulated."""
 
 STRIBECK_SPEEDS = (0.005, 0.5)
-"""Stribeck velocities that the search may try, over the top speed: under the first the fall of the friction does not
-show, over the second it looks like less viscous friction."""
+"""Stribeck velocities that the search may try, over the top speed: below the first the fall of the friction does not
+show, above the second it looks like less viscous friction."""
 
 LOWER_BOUNDS = dict.fromkeys(NOT_NEGATIVE, 0.0)
-"""Bounds. Inertia and motor strength stay above a hundredth of where they start, a delay above half a step of the
+"""Lower bounds. Inertia and motor strength stay above a hundredth of where they start, a delay above half a step of the
 simulation before zero: a held target jumps within one."""
 
 
@@ -165,19 +165,19 @@ class OutputError:
     """A joint whose simulation follows the log."""
 
     estimates: dict[str, Estimate]
-    """What was identified of the model's parameters and of the loop's unknowns; without torque, over the strength k."""
+    """Estimates of the model's parameters and of the loop's unknowns; without torque, over the strength k."""
     unidentified: tuple[str, ...]
-    """Names of what was to be fitted and does not show in this log, or not apart from the others."""
+    """Names of fitted parameters that this log does not show, or not separately."""
     simulated: Trajectory
     """The simulation with these values; position and torque as the log would have them."""
     relative_errors: dict[str, float]
-    """|simulated − measured| / |measured| for position, velocity and, where there is, torque."""
+    """Relative errors |simulated − measured| / |measured| of position, velocity and, where logged, torque."""
     counted: np.ndarray
-    """Samples that the simulation was judged in, bool, shape (num_samples,): neither in a gap nor soon after one."""
+    """Mask of the judged samples, bool, shape (num_samples,): neither in a gap nor soon after one."""
     residuals: dict[str, np.ndarray]
-    """Simulated − measured of what was judged; zero at samples that do not count. Shape (num_samples,) each."""
+    """Residuals, simulated − measured, of judged signals; zero at uncounted samples. Shape (num_samples,) each."""
     names: tuple[str, ...]
-    """Columns of `slopes`, start included."""
+    """Names of the columns of `slopes`, start included."""
     slopes: np.ndarray
     """Derivatives of `weighted` by `names`, shape (num_rows, num_names): the samples that count of each signal judged,
     one signal after the other."""
@@ -188,15 +188,15 @@ class OutputError:
     reach: np.ndarray
     """Half-width of each 95 % interval in standard deviations, shape (num_names,)."""
     loop: ClosedLoop
-    """The loop that was simulated."""
+    """Simulated loop."""
     response: Response
-    """Its response, on the grid of the simulation."""
+    """Response of the loop, on the grid of the simulation."""
     pieces: int = 1
-    """Steps of the simulation in each sample interval of the log."""
+    """Number of simulation steps in each sample interval of the log."""
 
     @property
     def values(self) -> dict[str, float]:
-        """The best estimates by name."""
+        """Best estimates by name."""
         return {name: estimate.value for name, estimate in self.estimates.items()}
 
     def combination(self, weights: Mapping[str, float], like: str) -> Estimate:
@@ -225,14 +225,14 @@ class OutputError:
         """
         return self.loop.torque_changes(self.response, self.values, torques)[:: self.pieces][self.counted]
 
-    def part(self, chosen: np.ndarray, kept: tuple[str, ...] = ()) -> dict[str, Estimate] | None:
-        """Return what a part of the log says by itself, a Gauss-Newton step from the whole; None where it is too poor.
+    def part(self, chosen: np.ndarray, fixed: tuple[str, ...] = ()) -> dict[str, Estimate] | None:
+        """Return the estimates of a part of the log, a Gauss-Newton step from the whole; None where it is too poor.
 
-        chosen: samples of the part, bool, shape (num_samples,); kept: parameters that stay as the whole log has them.
+        chosen: samples of the part, bool, shape (num_samples,); fixed: parameters that stay as the whole log has them.
         """
         signals = len(self.residuals)
         rows = np.tile(chosen[self.counted], signals)
-        columns = [place for place, name in enumerate(self.names) if name not in (*kept, *START)]
+        columns = [place for place, name in enumerate(self.names) if name not in (*fixed, *START)]
         slopes, weighted = self.slopes[rows][:, columns], self.weighted[rows]
         samples = int(rows.sum()) // signals
         if samples < FEWEST_SAMPLES or len(unidentified(slopes, tuple(self.names[place] for place in columns))[1]) > 0:
@@ -244,10 +244,10 @@ class OutputError:
         names = [self.names[place] for place in columns]
         values = np.array([self.estimates[name].value if name in self.estimates else 0.0 for name in names]) + change
         bounded = with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))
-        return {name: one for name, one in zip(names, bounded, strict=True) if name in self.estimates}
+        return {name: estimate for name, estimate in zip(names, bounded, strict=True) if name in self.estimates}
 
     def thinned(self, pieces: int) -> OutputError:
-        """Return the same on every so many-th sample: the log's own, where a finer grid was simulated."""
+        """Return the same fit on every so many-th sample: the log's grid, where a finer one was simulated."""
         return replace(
             self,
             pieces=pieces,
@@ -340,7 +340,7 @@ class _Search:
         self.loop, self.names, self.start = loop, tuple(free), np.array(list(free.values()))
         logged = {name: getattr(signals, name) for name in ("position", "torque")}
         self.logged = {name: values for name, values in logged.items() if values is not None}
-        self.measured: dict[str, np.ndarray] = {name: one for name, one in self.logged.items() if name in judged}
+        self.measured: dict[str, np.ndarray] = {name: values for name, values in self.logged.items() if name in judged}
         self.valid = valid
         self.weights: dict[str, float] = dict.fromkeys(self.measured, 1.0)
         self.phases = 0
@@ -362,7 +362,7 @@ class _Search:
         return self._latest[1]
 
     def correct(self, values: np.ndarray) -> None:
-        """Give the loop the torque of its exact delay along what it does with these values, where it can do them."""
+        """Set the torque of the loop's exact delay along the motion of these values, where it can be simulated."""
         try:
             self.loop.correct(self.respond(values), dict(zip(self.names, values)))
         except StictionError:
@@ -395,7 +395,7 @@ class _Search:
         return np.concatenate([self.weights[name] * rows for name, rows in zip(self.measured, both)])
 
     def fit(self, trials: int) -> np.ndarray:
-        """Return the values with which the simulation follows the log best; trials: points tried in each round."""
+        """Return the values whose simulation follows the log best; trials: points tried in each round."""
         values = np.array(self.start)
         lower = np.array([LOWER_BOUNDS.get(name, -np.inf) for name in self.names])
         upper = np.full(len(self.names), np.inf)
@@ -437,10 +437,10 @@ class _Search:
 
 
 def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int], set[str]]:
-    """Return the columns that together hold all that is known, and the names of which nothing is known apart.
+    """Return the columns that are identified together, and the names that are not identified separately.
 
-    jacobian: shape (num_rows, num_names), in units of the residual's size. A direction in which nothing changes takes
-    every name that has a share in it along: of inertia over strength one knows the ratio and neither.
+    jacobian: shape (num_rows, num_names), in units of the residual's size. A direction without effect removes all
+    names with a share in it: of inertia over strength the ratio is known, and neither alone.
     """
     length = np.linalg.norm(jacobian, axis=0)
     identified = [place for place in range(len(names)) if length[place] > 0]
@@ -449,7 +449,7 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
         _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, identified] / length[identified], mode="r"))
         if sizes[-1] * MAX_CONDITION > sizes[0]:
             break
-        # Of the names in that direction the one with the largest part goes, and the others are looked at again.
+        # Of the names in that direction the one with the largest part goes, and the rest is examined again.
         parts = np.abs(directions[-1])
         lost |= {names[identified[place]] for place in np.flatnonzero(parts > MIN_SHARE)}
         del identified[int(np.argmax(parts))]
@@ -457,7 +457,7 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
 
 
 def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> OutputError:
-    """Put intervals to the values, and measure how well the simulation follows."""
+    """Compute the intervals of the values, and measure how well the simulation follows."""
     response, rows = search.respond(values), search.residuals(values)
     weighted, slopes = search.weighted(values), search.slopes(values)
     identified, lost = unidentified(slopes, search.names)
@@ -471,8 +471,8 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     blocks = make_blocks(slopes, weighted, block)
     covariance, reach = robust_covariance(blocks), bootstrap_reach(blocks)
     bounded = with_intervals(values[identified], covariance, reach)
-    found = {search.names[place]: estimate for place, estimate in zip(identified, bounded, strict=True)}
-    lost |= {name for name, estimate in found.items() if not estimate.std < MAX_STD.get(name, np.inf)}
+    estimates = {search.names[place]: estimate for place, estimate in zip(identified, bounded, strict=True)}
+    lost |= {name for name, estimate in estimates.items() if not estimate.std < MAX_STD.get(name, np.inf)}
     motion = response.motion
     simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)
     compared = {
@@ -481,7 +481,7 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     }
     compared["velocity"] = (np.where(search.valid, simulated.velocity - velocity, 0.0), velocity)
     return OutputError(
-        estimates={name: value for name, value in found.items() if name not in lost and name not in START},
+        estimates={name: value for name, value in estimates.items() if name not in lost and name not in START},
         unidentified=tuple(name for name in search.names if name in lost and name not in START),
         simulated=simulated,
         relative_errors={

@@ -1,6 +1,6 @@
-"""From a log to records: one joint from start to end, and all joints of a log in parallel.
+"""Identification from a log to records: one joint from start to end, and all joints of a log in parallel.
 
-Of each joint: check, filter, regress, choose a law, simulate, compare, judge.
+Steps of each joint: check, filter, regress, choose a law, simulate, compare, judge.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.files.joints import FitSignals, JointRecord, refused, warning
 from stiction.files.log import UNNAMED, Log
-from stiction.identification.checks import PoorMotion, coupled_text, moving_beside
+from stiction.identification.checks import PoorMotion, coupled_text, other_moving_joints
 from stiction.identification.choice import choose_gravity, choose_law
 from stiction.identification.combinations import BackEmf, find_back_emf, strength_identified
 from stiction.identification.consistency import (
@@ -53,22 +53,22 @@ from stiction.identification.simulated_choice import choose_simulated
 from stiction.identification.verdict import is_leg, judge
 
 Done = Callable[[str], None]
-"""Called with a joint's name when it is identified."""
+"""Callback with a joint's name when it is identified."""
 
 _Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...], Log | None]
-"""What `_attempt` is called with."""
+"""Arguments of `_attempt`."""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """What came out for one joint."""
+    """Result for one joint."""
 
     name: str
-    """The joint."""
+    """Name of the joint."""
     record: JointRecord
-    """For `joints.json`."""
+    """Record for `joints.json`."""
     fit: FitSignals
-    """For `fit.npz`."""
+    """Signals for `fit.npz`."""
 
 
 def identify_joint(
@@ -82,18 +82,18 @@ def identify_joint(
 ) -> Identification:
     """Identify one joint of a log.
 
-    joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
-    They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
-    more: further runs, which are fitted together with the log whatever hangs on them, each with its own sidecar;
+    joint: its name, or None for the only one; repeats: further logs of the same joint, each with its sidecar, by which
+    the result is tested; if a payload hangs on it in some of them, they are fitted together.
+    more: further runs, which are fitted together with the log whatever hangs on them, each with its sidecar;
     moving: joints that moved at the same time, by default those of the log that did; held_out: a log to be predicted,
-    with its own sidecar; by default the last part of the log is. Raises `StictionError` with one
+    with its sidecar; by default the last part of the log is. Raises `StictionError` with one
     line for whatever the logs lack.
     """
     setup = setup or IdentifySetup()
     if more and repeats:
         raise ConfigurationError("several runs in one fit, and repeats: give either; a repeat is a log to be predicted")
     if moving is None:
-        moving = moving_beside(log, log.joint(joint)[0])
+        moving = other_moving_joints(log, log.joint(joint)[0])
     try:
         return _identify(log, joint, setup, repeats, more, moving, held_out)
     except PoorMotion as error:
@@ -110,23 +110,23 @@ def _identify(
     more: Sequence[Log],
     moving: tuple[str, ...],
     held_out: Log | None = None,
-    found_ke: BackEmf | None = None,
+    data_ke: BackEmf | None = None,
 ) -> Identification:
-    """Identify one joint; arguments as of `identify_joint`. found_ke: ke from the data, already in `setup`."""
+    """Identify one joint; arguments as of `identify_joint`. data_ke: ke from the data, already in `setup`."""
     # Prepare all runs, and ask the log whether gravity pulls on the link.
     run = make_run(log, joint, setup, alone=not more)
     gravity = choose_gravity(run)
     if gravity is not None:
         run = replace(run, setup=replace(run.setup, gravity=gravity.chosen))
-    others, unusable = _repeats(run, joint, setup, repeats)
+    repeat_runs, unusable = _repeats(run, joint, setup, repeats)
     shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
     runs = [run, *(make_run(other, joint, shared, alone=False) for other in more)]
     # Fit viscous and Coulomb friction.
-    base = _pooled(runs) if more else _symmetric(run, others)
+    base = _pooled(runs) if more else _symmetric(run, repeat_runs)
     pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.where, base)
-    drive = find_back_emf(runs, base) if found_ke is None else None
+    drive = find_back_emf(runs, base) if data_ke is None else None
     # A motor by voltage brakes itself: where the data told ke, all is done again, once, with the brake taken off.
     if drive is not None:
         return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, held_out, drive)
@@ -135,12 +135,12 @@ def _identify(
     read, loop = (run, InLoop(reason=SEVERAL)) if more else close_loop(run, base)
     choice = chosen = None
     if loop.symmetric is not None and rows is run.rows:
-        again = _symmetric(read, others)
+        again = _symmetric(read, repeat_runs)
         choice, richer = choose_simulated(read, loop.symmetric, again)
         loop = replace(loop, chosen=richer).believed(run.prepared.noise)
         if loop.symmetric is not None:
             run = read if richer is None else read_again(read, richer)
-            base = again if richer is None else _symmetric(run, others)
+            base = again if richer is None else _symmetric(run, repeat_runs)
             rows = base.rows
             chosen = base if richer is None else fit_at(rows, choice.model, richer.values)
     else:
@@ -149,19 +149,19 @@ def _identify(
         choice = choose_law(rows, base, strength_unknown)
         chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     # Compare and predict; repeats that were fitted as well are no test of the fit.
-    unseen = others if rows is run.rows else ()
+    unseen = repeat_runs if rows is run.rows else ()
     comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
     unseen_run = None if held_out is None else make_run(held_out, joint, shared, alone=False)
     simulated = loop.symmetric, loop.best
     predicted = hold_out(run, base, chosen, simulated, unseen_run) if rows is run.rows else None
     fits = JointFits(
-        run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke, predicted
+        run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, data_ke, predicted
     )
     # Make the record, which errors, verdict and warnings read in this order.
     record = make_record(fits)
     record = replace(record, findings=find_errors(fits, record, moving))
-    if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
+    if any(finding.reason == NEGATIVE_FRICTION for finding in record.objections):
         none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
         record = replace(record, friction_law=(record.friction_law or {}) | none)
     verdict = judge(record, legs=is_leg(run.joint)).to_dict()
@@ -176,11 +176,11 @@ def _identify(
 def _repeats(
     run: Run, joint: str | None, setup: IdentifySetup, logs: Sequence[Log]
 ) -> tuple[list[Run], list[dict[str, Any]]]:
-    """Prepare the repeats; of those that cannot be used return why, for a poor repeat says nothing of the log itself.
+    """Prepare the repeats; return the usable ones, and the reasons against the rest.
 
-    Raises `ConfigurationError` where a repeat is the log itself.
+    A poor repeat says nothing about the log itself. Raises `ConfigurationError` where a repeat is the log itself.
     """
-    found, unusable = [], []
+    usable, unusable = [], []
     shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
     for log in logs:
         try:
@@ -192,57 +192,57 @@ def _repeats(
             raise ConfigurationError(
                 f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
             )
-        found.append(other)
-    return found, unusable
+        usable.append(other)
+    return usable, unusable
 
 
 SEVERAL = "output error was not done: it is for one run at a time, and several were fitted together"
 
 
 def _pooled(runs: Sequence[Run]) -> Fit:
-    """Fit viscous and Coulomb friction to several runs; refuse two that are the same, and too little of all of them."""
+    """Fit viscous and Coulomb friction to several runs; reject two that are the same, and too little of all of them."""
     first = runs[0]
-    for number, one in enumerate(runs):
+    for number, run in enumerate(runs):
         for other in runs[:number]:
-            if np.array_equal(one.signals.position, other.signals.position):
-                raise ConfigurationError(f"{one.source} is the same log as {other.source}: give each run once")
-    known = first.setup.motor_strength is not None or (first.measured and all(one.setup.calibrated for one in runs))
-    if any(one.measured != first.measured or one.setup.fits_gravity != first.setup.fits_gravity for one in runs):
+            if np.array_equal(run.signals.position, other.signals.position):
+                raise ConfigurationError(f"{run.source} is the same log as {other.source}: give each run once")
+    known = first.setup.motor_strength is not None or (first.measured and all(run.setup.calibrated for run in runs))
+    if any(run.measured != first.measured or run.setup.fits_gravity != first.setup.fits_gravity for run in runs):
         raise ConfigurationError(
             f"{first.source}: runs with and without torque, or gravity, in one fit; give runs of one kind"
         )
-    units = {(one.setup.drive.column, one.setup.drive.per_unit) for one in runs if not one.setup.calibrated}
-    if not known and first.measured and (len(units) > 1 or any(one.setup.calibrated for one in runs)):
+    units = {(run.setup.drive.column, run.setup.drive.per_unit) for run in runs if not run.setup.calibrated}
+    if not known and first.measured and (len(units) > 1 or any(run.setup.calibrated for run in runs)):
         raise ConfigurationError(
             f"{first.source}: torque columns of several unknown units in one fit; give --kt, and --resistance for a "
             "voltage or a duty, or runs of one kind"
         )
     rows = pooled_rows(runs)
     check_rows(f"{first.source} and {len(runs) - 1} more", rows, first.prepared)
-    if known and first.setup.motor_strength is None and any(one.setup.pendulum for one in runs):
+    if known and first.setup.motor_strength is None and any(run.setup.pendulum for run in runs):
         return _weighed(rows, first.model)
-    scaled = not known and any(one.setup.payload for one in runs)
+    scaled = not known and any(run.setup.payload for run in runs)
     return fit_rows(rows, first.model, strength_unknown=scaled)
 
 
 def _weighed(rows: Rows, model: Model) -> Fit:
-    """Fit with a pendulum, whose weight tells the scale of the torque, whatever was declared, where it can."""
+    """Fit with a pendulum, whose weight gives the scale of the torque, whatever was declared, where it can."""
     scaled = fit_rows(rows, model, strength_unknown=True)
     return scaled if strength_identified(scaled) else fit_rows(rows, model)
 
 
-def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
+def _symmetric(run: Run, repeats: Sequence[Run]) -> Fit:
     """Fit viscous and Coulomb friction to the log, or to all logs where only together they tell the strength k.
 
     A payload tells k, and so does a known torque from outside, if it is large enough; else k stays unknown.
     """
     model, strength = run.model, run.setup.motor_strength
-    runs = (run, *others)
-    payloads = [one.setup.payload for one in runs]
+    runs = (run, *repeats)
+    payloads = [item.setup.payload for item in runs]
     known = strength is not None or (run.measured and run.setup.calibrated)
-    pushed = [one for one in runs if one.signals.disturbance is not None]
-    if len(set(payloads)) > 1 or (pushed and not known and len(others) > 0):
-        rows = make_rows([one.prepared for one in runs], payloads, strength or 1.0)
+    pushed = [item for item in runs if item.signals.disturbance is not None]
+    if len(set(payloads)) > 1 or (pushed and not known and len(repeats) > 0):
+        rows = make_rows([item.prepared for item in runs], payloads, strength or 1.0)
     else:
         rows = run.rows
     if known and strength is None and run.setup.pendulum:
@@ -258,15 +258,15 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
 
 
 def _check_values(run: Run, fit: Fit) -> None:
-    """Refuse values that no joint has."""
-    found = fit.estimates()
-    inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
-    poor = all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
+    """Reject values that no joint has."""
+    estimates = fit.estimates()
+    inertia, (low, high) = estimates["inertia"].value, estimates["inertia"].interval95
+    poor = all(estimates[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
     heavy = (inertia <= 0 or poor) and _wants_gravity(run, fit)
-    backwards = high <= 0 and found["coulomb_friction"].interval95[0] <= 0
-    # Exchanged columns look like anything, so whatever contradicts them is said before a cause is guessed.
-    if (heavy or backwards) and (said := contradicted(run)):
-        raise LogError(f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: {said}")
+    backwards = high <= 0 and estimates["coulomb_friction"].interval95[0] <= 0
+    # Exchanged columns look like anything, so a contradiction is reported before a cause is guessed.
+    if (heavy or backwards) and (contradiction := contradicted(run)):
+        raise LogError(f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: {contradiction}")
     # Gravity first: by itself it can turn the fitted inertia negative, for θ and θ'' are opposite in a sine.
     if heavy:
         raise LogError(
@@ -295,15 +295,15 @@ def _check_values(run: Run, fit: Fit) -> None:
             "move further and faster, so that the joint sticks less, and check that target and torque are this joint's",
         )
     limit = run.setup.torque_limit
-    if limit is not None and found["coulomb_friction"].value >= limit:
+    if limit is not None and estimates["coulomb_friction"].value >= limit:
         raise LogError(
-            f"{run.where}: dry friction of {found['coulomb_friction'].value:.4g} would be beyond the torque limit "
+            f"{run.where}: dry friction of {estimates['coulomb_friction'].value:.4g} would be beyond the torque limit "
             f"{limit:.4g}, and yet the joint moved: check the torque's unit (--torque-scale) and --torque-limit"
         )
 
 
 def _wants_gravity(run: Run, fit: Fit) -> bool:
-    """Return whether the log makes sense with gravity where none was fitted."""
+    """Return True if the log makes sense with gravity where none was fitted."""
     if fit.model.gravity or run.setup.axis == "linear" or run.setup.payload is not None:
         return False
     heavy = fit_rows(run.rows, Model("coulomb", True))
@@ -311,9 +311,9 @@ def _wants_gravity(run: Run, fit: Fit) -> bool:
     return clear and evidence_of([fit.residual], [heavy.residual], len(GRAVITY_TERMS)) >= MIN_EVIDENCE
 
 
-def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
+def _comparisons(run: Run, base: Fit, loop: InLoop, repeats: Sequence[Run]) -> tuple[Comparison, ...]:
     """Compare the parts of the log, and the log with its repeats that carry the same load."""
-    alike = [other for other in others if other.setup.payload == run.setup.payload]
+    alike = [other for other in repeats if other.setup.payload == run.setup.payload]
     runs = tuple(
         compare(f"{REPEAT} {index}", (run.source, other.source), run.rows, other.rows, base)
         for index, other in enumerate(alike, 1)
@@ -324,22 +324,24 @@ def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tu
     return (*parts, *([late] if late else []), *runs)
 
 
-def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
-    """Try the law that was chosen on the repeats, which it was not fitted to.
+def _predictions(fit: Fit, repeats: Sequence[Run]) -> tuple[dict[str, Any], ...]:
+    """Test the chosen law on the repeats, which it was not fitted to.
 
     torque_error: |measured − predicted| over |measured| torque, at the samples that count; simulation_errors: the same
     for the signals of a simulation of the whole log, None where it could not be done.
     """
-    found = []
-    for other in others:
+    predictions = []
+    for other in repeats:
         residual = other.rows.torque - predict_torque(fit, other.rows)
         error = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
-        found.append({"source": other.source, "torque_error": error, "simulation_errors": predict_run(other, fit)})
-    return tuple(found)
+        predictions.append(
+            {"source": other.source, "torque_error": error, "simulation_errors": predict_run(other, fit)}
+        )
+    return tuple(predictions)
 
 
 def _fit_signals(fits: JointFits) -> FitSignals:
-    """Collect what the page draws."""
+    """Collect the signals that the page draws."""
     run, prepared = fits.run, fits.run.prepared
     whole = replace(prepared, used=np.arange(len(prepared.torque)))
     everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
@@ -366,13 +368,13 @@ def identify_log(
 ) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
     """Identify several joints, every one of the log's by default.
 
-    Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
+    Returns the identified joints, and for the refused ones an empty record whose warning gives the reason,
     both in the order of the log, or of `joints`. more: further runs, fitted together with the log; held_out: a log to
     be predicted; workers: processes, by default one a core. Raises `StictionError` where a joint is not in the log, or
     none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
-    found: dict[str, Identification] = {}
+    identified: dict[str, Identification] = {}
     unable: dict[str, str] = {}
     # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
     named = bool(joints) or len(log.joints) > 1
@@ -381,9 +383,9 @@ def identify_log(
             _single_joint(log, name),
             name if named else None,
             setup,
-            tuple(_single_joint(one, name) for one in repeats),
-            tuple(_single_joint(one, name) for one in more),
-            moving_beside(log, name),
+            tuple(_single_joint(other, name) for other in repeats),
+            tuple(_single_joint(other, name) for other in more),
+            other_moving_joints(log, name),
             None if held_out is None else _single_joint(held_out, name),
         )
         for name in names
@@ -392,46 +394,49 @@ def identify_log(
         if isinstance(outcome, StictionError):
             unable[name] = str(outcome)
         else:
-            found[name] = outcome
+            identified[name] = outcome
             done(name)
-    if not found:
+    if not identified:
         raise LogError(unable[names[0]])
-    found |= _with_shared_delay(log, setup or IdentifySetup(), found, jobs)
+    identified |= _with_shared_delay(log, setup or IdentifySetup(), identified, jobs)
     empty = {name: refused(unable[name]) for name in names if name in unable}
-    return {name: found[name] for name in names if name in found}, empty
+    return {name: identified[name] for name in names if name in identified}, empty
 
 
 def _with_shared_delay(
-    log: Log, setup: IdentifySetup, found: Mapping[str, Identification], jobs: Mapping[str, _Job]
+    log: Log, setup: IdentifySetup, results: Mapping[str, Identification], jobs: Mapping[str, _Job]
 ) -> dict[str, Identification]:
-    """Identify joints that do not tell the delay of their loop again, with that of the others; say where these differ.
+    """Identify joints that do not tell the delay of their loop again, with that of the others; warn where these differ.
 
-    found, jobs: joint -> its identification, and what that was called with. Returns what changed.
+    results, jobs: joint -> its identification, and the arguments of that. Returns the changed identifications.
     """
     # In the order of the log: in that of who was done first, the last bits of their mean would be of chance.
-    identified = {name: found[name].record for name in jobs if name in found}
+    identified = {name: results[name].record for name in jobs if name in results}
     delays = {name: record.delay for name, record in identified.items() if record.delay is not None}
     shared = share_delay(delays, float(np.median(np.diff(log.time))))
     if shared is None:
         return {}
-    changed = {name: found[name] for name in shared.telling} if not shared.agreed else {}
+    changed = {name: results[name] for name in shared.telling} if not shared.agreed else {}
     if shared.agreed:
         late = replace(setup, delay=max(0.0, shared.estimate.value))
         again = {name: (*jobs[name][:2], late, *jobs[name][3:]) for name in shared.silent}
         for name, outcome in _outcomes(again, min(len(again), num_threads())):
             # A delay that the joint's inertia does not admit leaves nothing that could predict.
-            if not isinstance(outcome, StictionError) and predicts(outcome.record) >= predicts(found[name].record):
+            if not isinstance(outcome, StictionError) and predicts(outcome.record) >= predicts(results[name].record):
                 changed[name] = outcome
     return {
         name: replace(
-            one, record=replace(one.record, findings=(*one.record.findings, warning("shared_delay", shared.sentence())))
+            result,
+            record=replace(
+                result.record, findings=(*result.record.findings, warning("shared_delay", shared.sentence()))
+            ),
         )
-        for name, one in changed.items()
+        for name, result in changed.items()
     }
 
 
 def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:
-    """Yield each joint's name with its identification or its refusal, as they are finished."""
+    """Yield each joint's name with its identification or its refusal, in the order of completion."""
     names = list(jobs)
     for number, outcome in spread(_attempt, list(jobs.values()), workers):
         yield names[number], outcome
@@ -451,7 +456,7 @@ def _attempt(
     moving: tuple[str, ...],
     held_out: Log | None,
 ) -> Identification | StictionError:
-    """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
+    """Identify one joint; return a failure as a value, for an exception would lose its class."""
     try:
         return identify_joint(log, name, setup, repeats, more, moving, held_out)
     except StictionError as error:

@@ -21,32 +21,32 @@ from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, MA
 from stiction.identification.runs import Run
 
 CHANCE = 0.01
-"""Probability of so much disagreement by chance, under which it is said that the runs disagree."""
+"""Probability of chance disagreement below which the runs are reported to disagree."""
 
 
 def pooled_rows(runs: Sequence[Run]) -> Rows:
-    """Return the rows of all runs; they are taken to have one motor strength, that of the first."""
+    """Return the rows of all runs, with the motor strength of the first."""
     strength = runs[0].setup.motor_strength or 1.0
-    return make_rows([one.prepared for one in runs], [one.setup.payload for one in runs], strength)
+    return make_rows([run.prepared for run in runs], [run.setup.payload for run in runs], strength)
 
 
 @dataclass(frozen=True)
 class Pooling:
-    """What each of several runs says by itself, under the equation of the fit to all of them."""
+    """Estimates of each of several runs, under the equation of the fit to all of them."""
 
     sources: tuple[str, ...]
     """Names of all runs."""
     alone: tuple[dict[str, Estimate] | None, ...]
-    """Each run's own estimates of inertia, viscous and dry friction; None where it is too short or too poor."""
+    """Estimates of inertia, viscous and dry friction of each run; None where it is too short or too poor."""
 
     @property
     def telling(self) -> list[dict[str, Estimate]]:
-        """The runs that can be fitted alone."""
-        return [found for found in self.alone if found is not None]
+        """Estimates of the runs that can be fitted alone."""
+        return [estimates for estimates in self.alone if estimates is not None]
 
     def values(self, name: str) -> np.ndarray:
-        """Return the runs' own values of a parameter, shape (num_telling,)."""
-        return np.array([found[name].value for found in self.telling])
+        """Return the runs' values of a parameter, shape (num_telling,)."""
+        return np.array([estimates[name].value for estimates in self.telling])
 
     def spread(self, name: str) -> float:
         """Return the standard deviation between the runs; NaN for fewer than two."""
@@ -54,63 +54,66 @@ class Pooling:
         return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
 
     def probability(self, name: str) -> float:
-        """Return how probable so much disagreement is by chance alone (Cochran's Q); NaN for fewer than two runs."""
+        """Return the probability of so much disagreement by chance alone (Cochran's Q); NaN for fewer than two runs."""
         if len(self.telling) < 2:
             return float("nan")
-        return agreement([found[name] for found in self.telling])[1]
+        return agreement([estimates[name] for estimates in self.telling])[1]
 
     def admitted(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """Return estimates whose intervals reach as far as the mean of the runs' own is uncertain."""
-        found = dict(estimates)
+        """Return estimates whose intervals are at least as wide as that of the mean of the runs."""
+        result = dict(estimates)
         count = len(self.telling)
         for name in COMPARED:
-            if name not in found or count < 2:
+            if name not in result or count < 2:
                 continue
-            old, std = found[name], self.spread(name) / np.sqrt(count)
+            old, std = result[name], self.spread(name) / np.sqrt(count)
             reach = float(stdtrit(count - 1, 0.975)) * std
             ends = (min(old.interval95[0], old.value - reach), max(old.interval95[1], old.value + reach))
-            found[name] = Estimate(old.value, max(old.std, float(std)), ends)
-        return found
+            result[name] = Estimate(old.value, max(old.std, float(std)), ends)
+        return result
 
     def sentences(self) -> tuple[str, ...]:
-        """Say how many runs there are, and in what they disagree."""
+        """Return sentences on the number of runs, and on the parameters in which they disagree."""
         mute = len(self.sources) - len(self.telling)
-        said = [
+        sentences = [
             f"{len(self.sources)} runs were fitted together"
             + (f"; {mute} of them are too short or too poor to say anything alone" if mute else "")
         ]
         for name in COMPARED:
             if len(self.telling) > 1 and self.probability(name) < CHANCE:
                 values = self.values(name)
-                said.append(
+                sentences.append(
                     f"the runs disagree on the {name.replace('_', ' ')} beyond chance: {values.min():.4g} to "
                     f"{values.max():.4g}, deviation {self.spread(name):.3g}; the interval is that of their mean"
                 )
-        return tuple(said)
+        return tuple(sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         return {
             "sources": list(self.sources),
-            "alone": [found and {name: one.to_dict() for name, one in found.items()} for found in self.alone],
+            "alone": [
+                estimates and {name: estimate.to_dict() for name, estimate in estimates.items()}
+                for estimates in self.alone
+            ],
             "spread": {name: self.spread(name) for name in COMPARED} if len(self.telling) > 1 else None,
             "probability": {name: self.probability(name) for name in COMPARED} if len(self.telling) > 1 else None,
         }
 
 
 def agreement(estimates: Sequence[Estimate]) -> tuple[Estimate, float]:
-    """Return the weighted mean of estimates of one quantity, and how probable so much scatter is (Cochran's Q)."""
+    """Return the weighted mean of estimates of one quantity, and the probability of so much scatter (Cochran's Q)."""
     # Deviations from the intervals, which know how few blocks a short run has.
-    widths = [one.interval95[1] - one.interval95[0] for one in estimates]
+    widths = [estimate.interval95[1] - estimate.interval95[0] for estimate in estimates]
     weights = (2 * float(ndtri(0.975)) / np.array(widths).clip(1e-300)) ** 2
-    values, std = np.array([one.value for one in estimates]), float(weights.sum() ** -0.5)
+    values, std = np.array([estimate.value for estimate in estimates]), float(weights.sum() ** -0.5)
     centre, reach = float(weights @ values / weights.sum()), float(ndtri(0.975)) * std
     scatter = float(weights @ (values - centre) ** 2)
     return Estimate(centre, std, (centre - reach, centre + reach)), float(chdtrc(len(values) - 1, scatter))
 
 
 FEWEST_DELAYS = 3
-"""Joints that tell the delay of their loop from which on the others of the log have theirs."""
+"""Fewest joints that tell their delay for it to be used for the log's other joints."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +123,11 @@ class SharedDelay:
     estimate: Estimate
     """Weighted mean of the joints that tell it [s]."""
     probability: float
-    """Probability of so much scatter between them by chance."""
+    """Probability of so much scatter between these joints by chance."""
     telling: tuple[str, ...]
     """Joints that tell their delay to a sample interval."""
     silent: tuple[str, ...]
-    """Joints that do not, or whose estimate is below zero."""
+    """Joints that do not tell it, or whose estimate is below zero."""
 
     @property
     def agreed(self) -> bool:
@@ -132,7 +135,7 @@ class SharedDelay:
         return self.probability >= CHANCE
 
     def sentence(self) -> str:
-        """Say what a joint that does not tell its delay is read with, or that the joints disagree."""
+        """Describe the delay of a joint that does not tell its own, or the disagreement of the joints."""
         if self.agreed:
             value, std = 1e3 * max(0.0, self.estimate.value), 1e3 * self.estimate.std
             return (
@@ -146,12 +149,14 @@ class SharedDelay:
 
 
 def share_delay(delays: Mapping[str, Estimate], step: float) -> SharedDelay | None:
-    """Return the delay that the joints of a log have together; None where under three of them tell it.
+    """Return the delay that the joints of a log share; None where fewer than three of them tell it.
 
-    delays: joint -> its own estimate [s]; step: sample interval of the log [s].
+    delays: joint -> its estimate [s]; step: sample interval of the log [s].
     """
     telling = tuple(
-        name for name, one in delays.items() if one.value >= 0 and one.interval95[1] - one.interval95[0] <= 2 * step
+        name
+        for name, delay in delays.items()
+        if delay.value >= 0 and delay.interval95[1] - delay.interval95[0] <= 2 * step
     )
     if len(telling) < FEWEST_DELAYS:
         return None
@@ -160,7 +165,7 @@ def share_delay(delays: Mapping[str, Estimate], step: float) -> SharedDelay | No
 
 
 def compare_runs(runs: Sequence[Run], base: Fit) -> Pooling:
-    """Fit each run alone with the equation of the fit to all; 1/k, which one run need not tell, is that of all."""
+    """Fit each run alone with the equation of the fit to all; take 1/k, which one run need not tell, from that fit."""
     inverse = base.by_name.get(INVERSE_STRENGTH, 1.0)
     alone: list[dict[str, Estimate] | None] = []
     for index in range(len(runs)):

@@ -1,4 +1,4 @@
-"""From a checked log to the signals of inverse dynamics: filtered forward and backward, differentiated, decimated.
+"""Signals of inverse dynamics from a checked log: filtered forward and backward, differentiated, decimated.
 
 Torque, position and sign(θ') pass through the same zero-phase filter, and θ', θ'' are differences of the filtered θ.
 For the terms that are linear in these (inertia, viscous and Coulomb friction, offset, the torque from outside) the
@@ -8,7 +8,7 @@ angle, a load or a Stribeck curve, and the split by direction. It does because t
 samples near a reversal, where sign(θ') does not, are left out. How little it moves a result is measured in
 `tests/identification/test_prepare.py`, on logs of `example.LEG` with the noise of real ones, by filtering the products:
 at most 0.06 standard deviations of each parameter, and 0.2 where friction is split by direction. A known payload, and a
-known torque from outside, enter as what they are known to ask for, in the unit of the torque: N m over the motor
+known torque from outside, enter as the torque that they require, in the unit of the torque: N m over the motor
 strength where that was declared.
 """
 
@@ -25,13 +25,13 @@ from stiction.identification.filters import acceleration_noise, choose_cutoff, d
 from stiction.identification.setup import Payload
 
 LOW_SPEED = 0.005
-"""Samples slower than this share of the top speed do not say which way friction points, and are left out. Small,
+"""Share of the top speed below which samples do not show the direction of friction, and are left out. Small,
 because the samples near rest are those in which friction shows most."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """Filtered signals on the even grid, arrays of shape (num_samples,), and which samples count."""
+    """Filtered signals on the even grid, arrays of shape (num_samples,), and the samples that count."""
 
     step: float
     """Time between samples [s]."""
@@ -50,7 +50,7 @@ class Prepared:
     outside: np.ndarray
     """d alone: the known torque from outside [N m]."""
     threshold: float
-    """Speed under which the direction is not known [rad/s]."""
+    """Speed below which the direction is not known [rad/s]."""
     used: np.ndarray
     """Indices of the samples that enter the regression, shape (num_used,)."""
     attenuation: float = 0.0
@@ -69,7 +69,7 @@ class Prepared:
 
     @property
     def left_over(self) -> str:
-        """How many samples of how many are left, and where the others went."""
+        """Clauses on the number of samples that are left, and on the causes that removed the rest."""
         slow = int(np.count_nonzero(np.abs(self.velocity) < self.threshold))
         turns = int(np.count_nonzero(np.diff(np.sign(self.velocity))))
         independent = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
@@ -84,7 +84,7 @@ class Prepared:
 
     @property
     def remedy(self) -> str:
-        """What to do where too few samples are left."""
+        """Advice where too few samples are left."""
         if self.unusable < 0.5 * len(self.velocity):
             return "move further, faster, or for longer"
         return (
@@ -94,7 +94,7 @@ class Prepared:
 
     @property
     def time(self) -> np.ndarray:
-        """From zero [s]."""
+        """Time from zero [s]."""
         return np.arange(len(self.torque)) * self.step
 
 
@@ -103,7 +103,7 @@ def prepare(
 ) -> Prepared:
     """Filter, differentiate, and choose samples.
 
-    torque: what drives the joint, as logged or from the PD law [N m], shape (num_samples,); cutoff: corner of the
+    torque: driving torque, as logged or from the PD law [N m], shape (num_samples,); cutoff: corner of the
     filter [Hz], None chooses it by `choose_cutoff`; unusable: samples to leave out, a motor at its limit say (bool).
     Raises `StictionError` for a cutoff that the sampling rate does not allow.
     """
@@ -173,17 +173,17 @@ class Rows:
     direction: np.ndarray
     """sign(θ') [1]."""
     torque: np.ndarray
-    """τ, what the motor was asked for or gave, in its own unit [N m where that is known]."""
+    """Torque τ that the motor was asked for or gave, in its unit [N m where that is known]."""
     load: np.ndarray
-    """What the gear carries of what is known: the payload's weight less d [N m over the declared strength]."""
+    """Known part of the load on the gear: the payload's weight less d [N m over the declared strength]."""
     payload: np.ndarray
-    """Torque known to be asked for: the payload's weight and inertia, less d [N m over the declared strength]."""
+    """Known part of the torque: the payload's weight and inertia, less d [N m over the declared strength]."""
     time: np.ndarray
-    """From the start of the first run [s]; later runs follow on."""
+    """Time from the start of the first run [s]; later runs follow on."""
     run: np.ndarray
     """Index of the run."""
     slowest: float
-    """Speed under which rows were left out [rad/s]."""
+    """Speed below which rows were left out [rad/s]."""
     attenuation: float = 0.0
     """Share by which noise of the acceleration makes the inertia too small, in least squares [1]."""
 
@@ -203,11 +203,11 @@ class Rows:
         spans = {run: np.ptp(self.time[self.run == run]) + 1e-9 for run in np.unique(self.run)}
         total = sum(spans.values())
         for run, span in spans.items():
-            mine = self.run == run
+            rows = self.run == run
             # At least two a run: one can be left out then, and one of the run is still seen.
             pieces = max(2, round(count * span / total)) if len(spans) > 1 else count
-            share = (self.time[mine] - self.time[mine].min()) / span
-            index[mine] = start + np.minimum((share * pieces).astype(int), pieces - 1)
+            share = (self.time[rows] - self.time[rows].min()) / span
+            index[rows] = start + np.minimum((share * pieces).astype(int), pieces - 1)
             start += pieces
         return index
 
@@ -240,7 +240,7 @@ def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None], stre
 
 
 def _payload(run: Prepared, payload: Payload | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weight's torque, and all that the payload asks for, at every sample [N m]."""
+    """Return the torque of the payload's weight, and all torque of the payload, at every sample [N m]."""
     if payload is None:
         return np.zeros_like(run.torque), np.zeros_like(run.torque)
     weight = payload.weight * np.sin(run.position - payload.angle)

@@ -1,4 +1,4 @@
-"""How a log is read between its samples: a target that is straight or held, a loop and a torque that are late.
+"""Reading of a log between its samples: a straight or held target, and delays of loop and torque.
 
 A policy at 50 Hz, or the bus of a hobby servo, holds each target until the next one comes, while the motor's own loop
 runs at a kilohertz and more. A log at the rate of the targets shows neither; read as straight lines it is another
@@ -26,7 +26,7 @@ FASTEST_HELD = 600.0
 
 @dataclass(frozen=True)
 class Reading:
-    """What happens between the samples of a log."""
+    """Behaviour of target and torque between the samples of a log."""
 
     held: bool = False
     """True if the target keeps its value from each sample to the next; else it is a straight line."""
@@ -49,7 +49,7 @@ def fine_steps(signals: Uniform, held: bool) -> int:
 
 
 def refine(signals: Uniform, held: bool, pieces: int) -> Uniform:
-    """Return signals with `pieces` steps in each sample interval; no other sample than the log's own counts.
+    """Return signals with `pieces` steps in each sample interval; only the samples of the log count.
 
     The target is held between the samples, or a cubic spline through them; one step is the signals as they are.
     """
@@ -88,16 +88,16 @@ def refine(signals: Uniform, held: bool, pieces: int) -> Uniform:
 
 def cut(signals: Uniform, part: slice) -> Uniform:
     """Return some of the samples of signals, their time from zero."""
-    kept: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         name: values[part] for name, values in vars(signals).items() if isinstance(values, np.ndarray)
     }
-    return replace(signals, **kept | {"time": kept["time"] - kept["time"][0]})
+    return replace(signals, **arrays | {"time": arrays["time"] - arrays["time"][0]})
 
 
 def controller_torque(signals: Uniform, kp: float, kd: float, reading: Reading) -> np.ndarray:
-    """Return what the controller asked of its motor around each sample, without a limit [N m], shape (num_samples,).
+    """Return the torque that the controller asked for around each sample, without a limit [N m], shape (num_samples,).
 
-    Of a held target it is the mean over one sample interval, for between two samples the torque falls by as much as it
+    For a held target it is the mean over one sample interval, for between two samples the torque falls by as much as it
     jumps at them.
     """
     velocity = np.gradient(signals.position, signals.step)

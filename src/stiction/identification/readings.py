@@ -1,4 +1,4 @@
-"""Readings that a log repeats: a log that is faster than the bus holds each reading over several rows.
+"""Repeated readings of a log: a log that is faster than the bus holds each reading over several rows.
 
 A reading counts once, at the row in which it changes. A coarse encoder repeats too, and so does a joint at rest: but
 they go on by single steps of the encoder, and a held reading by the many steps that the joint has made in between.
@@ -19,7 +19,7 @@ READINGS = ("position", "velocity", "torque")
 """Roles that are measured; a command is held by its receiver too."""
 
 FEWEST_LARGE = 20
-"""Large changes from which on a column shows whether it is held, if they are a fifth of all changes, too."""
+"""Fewest large changes for a column to show whether it is held, if they are a fifth of all changes, too."""
 
 
 def fresh_rows(time: np.ndarray, values: np.ndarray, excused: np.ndarray | None = None) -> np.ndarray | None:
@@ -53,7 +53,7 @@ def fresh_rows(time: np.ndarray, values: np.ndarray, excused: np.ndarray | None 
 def take_readings(
     time: np.ndarray, table: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, ...]]:
-    """Return stamps and signals with every reading once, all at the rows of the slowest one, and what was done.
+    """Return stamps and signals with every reading once, all at the rows of the slowest one, and notes on it.
 
     time [s], shape (num_samples,); table: role, or `role.joint` -> signal, same shape.
     """
@@ -114,7 +114,7 @@ def _at(time: np.ndarray, values: np.ndarray, fresh: np.ndarray, rows: np.ndarra
 
 
 def _is_command(time: np.ndarray, position: np.ndarray, torque: np.ndarray, fresh: np.ndarray) -> bool:
-    """Return whether a held torque acted as it stands: a reading that is held comes half a hold late.
+    """Return True if a held torque acted as it stands: a reading that is held comes half a hold late.
 
     A command is in time. The lateness t of I θ'' + B θ' + f sign θ' + gravity = τ + t dτ/dt tells, by least squares.
     """
@@ -130,5 +130,5 @@ def _is_command(time: np.ndarray, position: np.ndarray, torque: np.ndarray, fres
     place = np.clip(np.searchsorted(time, even, side="right") - 1, 0, len(time) - 1)
     driven = low_pass(torque[place], corner, step)
     columns = [np.gradient(velocity, step), velocity, direction, np.sin(angle), np.cos(angle), np.ones_like(angle)]
-    found, *_ = np.linalg.lstsq(np.column_stack([*columns, -np.gradient(driven, step)]), driven, rcond=None)
-    return float(found[-1]) < 0.05 * hold
+    solution, *_ = np.linalg.lstsq(np.column_stack([*columns, -np.gradient(driven, step)]), driven, rcond=None)
+    return float(solution[-1]) < 0.05 * hold

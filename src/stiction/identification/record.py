@@ -1,4 +1,4 @@
-"""From everything that was found about a joint to the record that `joints.json` holds."""
+"""Assembly of the record of a joint in `joints.json` from its fits."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ DELAY_ERROR = 0.1
 """Share of an estimated delay by which its interval is widened: the loop's model is of second order in it."""
 
 CLEAR = 3.0
-"""Standard deviations by which gravity must be there before its phase says anything."""
+"""Standard deviations by which gravity must differ from zero for its phase to count."""
 
 WIDEST_BIAS = 0.5
-"""Half-width of the interval beyond which a bias is not known [rad]."""
+"""Half-width of the interval above which a bias is not known [rad]."""
 
 
 def loop_unknowns(base: Fit, loop: InLoop, hanging: float | None) -> dict[str, Estimate | None]:
-    """Return `delay` and `encoder_bias`, where they were asked for and the log tells them, else None.
+    """Return `delay` and `encoder_bias`, None where they were not requested or the log does not tell them.
 
     hanging: true angle at which the link hangs straight down [rad], if it is known: gravity then tells the bias.
     Otherwise the bias is that of the log's angle against the controller's.
     """
-    found = {} if loop.best is None else loop.best.estimates
-    bias = found.get("log_bias") if hanging is None else hanging_bias(base, hanging)
-    delay = found.get("delay")
+    estimates = {} if loop.best is None else loop.best.estimates
+    bias = estimates.get("log_bias") if hanging is None else hanging_bias(base, hanging)
+    delay = estimates.get("delay")
     if delay is not None:
         more = DELAY_ERROR * abs(delay.value)
         low, high = delay.interval95
@@ -62,7 +62,7 @@ def loop_unknowns(base: Fit, loop: InLoop, hanging: float | None) -> dict[str, E
 
 
 def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
-    """Return by how much the logged angle is ahead of the true one [rad], from the phase of gravity; None without it.
+    """Return the lead of the logged angle over the true one [rad], from the phase of gravity; None without it.
 
     G sin(θ − bias − hanging) is gravity_sin sin θ + gravity_cos cos θ. hanging: true angle at which the link hangs
     straight down [rad].
@@ -79,63 +79,67 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
     # Into ±π, for an angle is only known up to a turn.
     phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
-    found = fit.combination(gradient, "gravity_cos", phase)
-    return found if found.interval95[1] - found.value < WIDEST_BIAS else None
+    estimate = fit.combination(gradient, "gravity_cos", phase)
+    return estimate if estimate.interval95[1] - estimate.value < WIDEST_BIAS else None
 
 
 REPEAT_FACTOR, REPEAT_ERROR = 2.0, 0.1
-"""A repeat is predicted badly from this many times the fit's own error on, and from this share of its torque on."""
+"""Error of a badly predicted repeat: this many times the fit's error, or this share of its torque, if that is less."""
 
 
-def predicted_badly(tried: dict[str, Any], own: float) -> bool:
-    """Return whether a law misses a repeat that it was tried on.
+def predicted_badly(tried: dict[str, Any], fit_error: float) -> bool:
+    """Return True if a law misses a repeat that it was tried on.
 
-    own: its error on the log that it was fitted to [1].
+    fit_error: its error on the log that it was fitted to [1].
     """
-    return "refusal" in tried or tried["torque_error"] > min(REPEAT_FACTOR * own, REPEAT_ERROR)
+    return "refusal" in tried or tried["torque_error"] > min(REPEAT_FACTOR * fit_error, REPEAT_ERROR)
 
 
 @dataclass(frozen=True)
 class JointFits:
-    """All fits to the log of one joint, and how they were chosen."""
+    """All fits to the log of one joint, and their choice."""
 
     run: Run
-    """The log that was asked about."""
+    """Run of the log that is identified."""
     rows: Rows
     """Rows of all runs that were fitted together."""
     base: Fit
-    """Viscous and Coulomb friction."""
+    """Fit of viscous and Coulomb friction."""
     chosen: Fit
-    """The law that was chosen; `base` itself where that is it."""
+    """Fit of the chosen law; `base` itself where that is it."""
     choice: Choice
-    """How it was chosen."""
+    """Choice of the law."""
     loop: InLoop
-    """What simulations gave."""
+    """Results of simulations."""
     comparisons: tuple[Comparison, ...]
-    """Parts and repeats."""
+    """Comparisons of parts and repeats."""
     gravity: GravityChoice | None = None
-    """Whether gravity was fitted, where the log was asked."""
+    """Choice of gravity; None where the user stated it."""
     predictions: tuple[dict[str, Any], ...] = ()
-    """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
+    """Predictions of the repeats, which the chosen law was not fitted to: `source`, the log's name,
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
     pooling: Pooling | None = None
-    """What several runs that were fitted together say one by one."""
+    """Estimates of each of several runs that were fitted together."""
     back_emf: BackEmf | None = None
-    """ke, where the data show it."""
+    """Back-EMF constant, where the data show it."""
     held_out: HeldOut | None = None
-    """How well a record that no fit saw is predicted."""
+    """Predictions of a held-out record."""
 
     @property
     def braking(self) -> Braking | None:
-        """What was done about the brake of a motor that is driven by voltage."""
+        """Treatment of the brake of a motor that is driven by voltage."""
         return braking(self.run, self.back_emf)
 
     @property
     def admitted(self) -> tuple[Comparison, ...]:
         """Comparisons that stated intervals admit: all, but for those with repeats that the law does not predict."""
-        own = _relative_error(self.chosen, self.rows)
-        poor = {tried["source"] for tried in self.predictions if predicted_badly(tried, own)}
-        return tuple(one for one in self.comparisons if not (one.label.startswith(REPEAT) and one.parts[1] in poor))
+        fit_error = _relative_error(self.chosen, self.rows)
+        poor = {tried["source"] for tried in self.predictions if predicted_badly(tried, fit_error)}
+        return tuple(
+            comparison
+            for comparison in self.comparisons
+            if not (comparison.label.startswith(REPEAT) and comparison.parts[1] in poor)
+        )
 
     @property
     def by_simulation(self) -> bool:
@@ -150,7 +154,7 @@ class JointFits:
 
     @property
     def method(self) -> str:
-        """Name of the estimator that the stated values come from."""
+        """Name of the estimator of the stated values."""
         if self.by_simulation:
             return "output_error"
         return "torque_regression" if self.run.measured else "position_regression"
@@ -166,9 +170,9 @@ class JointFits:
         return self.loop.chosen.estimates if self.loop.chosen is not None else self.chosen.estimates()
 
     def standard(self) -> dict[str, Estimate]:
-        """Return what the chosen law says of inertia, viscous and Coulomb friction, offset and gravity.
+        """Return inertia, viscous and Coulomb friction, offset and gravity by the chosen law.
 
-        Of friction that depends on direction, load, torque or angle it is the mean over the log's motion.
+        Friction that depends on direction, load, torque or angle is the mean over the log's motion.
         """
         estimates = self.law()
         if self.chosen is self.base:
@@ -182,7 +186,7 @@ class JointFits:
 
 
 NEAR_NOISE = 2.0
-"""Residual of a simulation over the position's noise up to which nothing is missing in the model."""
+"""Residual of a simulation over the position's noise up to which the model lacks nothing."""
 
 UNITLESS = ("stribeck_velocity", "load_coefficient", "effort_coefficient")
 """Parameters that do not grow with the motor strength."""
@@ -222,7 +226,7 @@ def mean_friction(fit: Fit) -> dict[str, tuple[dict[str, float], str]]:
 
 
 def modelled(estimates: Mapping[str, Estimate], kd: float) -> dict[str, Estimate]:
-    """Return estimates whose intervals admit what no simulation of a loop knows better; kd: derivative gain."""
+    """Return estimates whose intervals admit the error of any simulation of a loop; kd: derivative gain."""
     result = {}
     for name, old in estimates.items():
         floor = MODEL_ERROR * abs(old.value) + DAMPING_ERROR * kd * name.startswith("viscous")
@@ -232,7 +236,7 @@ def modelled(estimates: Mapping[str, Estimate], kd: float) -> dict[str, Estimate
 
 
 def inertia_known(fit: Fit) -> bool:
-    """Return whether the torque that inertia takes is more than what is not explained.
+    """Return True if the torque of the inertia exceeds the unexplained torque.
 
     What the model lacks can look like inertia, wholly so if it follows the acceleration, up to |residual| / |θ''|:
     where that is as much as the inertia itself, the fit does not tell it, whatever its scatter says.
@@ -242,7 +246,7 @@ def inertia_known(fit: Fit) -> bool:
 
 
 def make_record(fits: JointFits) -> JointRecord:
-    """Put everything into the record; objections, verdict and warnings come later."""
+    """Assemble the record; objections, verdict and warnings come later."""
     run, base, setup = fits.run, fits.base, fits.run.setup
     # State the parameters where k is known, else the combinations that the log tells.
     strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
@@ -258,7 +262,7 @@ def make_record(fits: JointFits) -> JointRecord:
     if brakes is not None:
         viscous, together = split_viscous(brakes, estimates["viscous_friction"], strength)
         parameters["viscous_friction"] = viscous
-        combinations = {name: one for name, one in combinations.items() if name != "B/k"} | together
+        combinations = {name: estimate for name, estimate in combinations.items() if name != "B/k"} | together
     level = estimates["coulomb_friction"]
     # Put dry friction over the torque limit, and over the gain.
     in_si = run.measured and (setup.calibrated or setup.drive.column != "torque")
@@ -309,19 +313,19 @@ def make_record(fits: JointFits) -> JointRecord:
 
 
 def all_admitting(fits: JointFits, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
-    found = widened(estimates, fits.admitted)
+    """Return estimates whose intervals admit those of parts of the log, and of runs that were fitted together."""
+    wide = widened(estimates, fits.admitted)
     if fits.by_simulation:
-        found = modelled(found, fits.run.setup.kd or 0.0)
+        wide = modelled(wide, fits.run.setup.kd or 0.0)
     for name, change in doubt(fits.run, fits.loop).items():
-        old = found[name]
+        old = wide[name]
         ends = [end + change for end in old.interval95]
-        found[name] = Estimate(
+        wide[name] = Estimate(
             old.value,
             float(np.hypot(old.std, change / 2)),
             (min(*old.interval95, *ends), max(*old.interval95, *ends)),
         )
-    return fits.pooling.admitted(found) if fits.pooling else found
+    return fits.pooling.admitted(wide) if fits.pooling else wide
 
 
 def plain(value: Any) -> Any:
@@ -334,12 +338,12 @@ def plain(value: Any) -> Any:
 
 
 def kd_assumed(run: Run) -> float:
-    """Return the kd that was taken off the viscous friction: the controller's, where torque is not measured."""
+    """Return the kd that was subtracted from viscous friction: the controller's, where torque is not measured."""
     return 0.0 if run.measured else float(run.setup.kd or 0.0)
 
 
 def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
-    """Return the law that was chosen, its parameters, and how the others fared."""
+    """Return the chosen law, its parameters, and the results of the other candidates."""
     fit = fits.chosen
     damping, brakes = kd_assumed(fits.run) if strength.value is None else 0.0, fits.braking
     parameters = {}
@@ -352,19 +356,21 @@ def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
         identified = fits.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
-        own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
+        corrected = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         if brakes is not None:
-            own = brakes.widened(name, own)
-            if name.startswith("viscous_friction") and (brakes.unseen or own.interval95[0] <= 0):
+            corrected = brakes.widened(name, corrected)
+            if name.startswith("viscous_friction") and (brakes.unseen or corrected.interval95[0] <= 0):
                 continue
         unitless = name in UNITLESS
-        parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
+        parameters[name] = (
+            corrected if strength.value is None or unitless else product(corrected, strength.value)
+        ).to_dict()
     regressor = {"load": "gravity", "effort": "motor_torque"}.get(fit.model.law)
     named: dict[str, Any] = {"regressor": regressor, "load": LOAD_REGRESSORS[regressor]} if regressor else {}
     if fit is not fits.base:
         named["symmetric"] = {
-            name: (one if strength.value is None else product(one, strength.value)).to_dict()
-            for name, one in fits.symmetric().items()
+            name: (estimate if strength.value is None else product(estimate, strength.value)).to_dict()
+            for name, estimate in fits.symmetric().items()
             if name in PARAMETERS
         }
     return named | {
@@ -389,7 +395,7 @@ def _relative_error(fit: Fit, rows: Rows) -> float:
 
 
 def sampling(run: Run) -> dict[str, Any]:
-    """Return how a run was sampled and filtered, for the diagnostics."""
+    """Return sampling and filtering of a run, for the diagnostics."""
     return {
         "duration": float(run.signals.time[-1]),
         "sampling_rate": 1 / run.signals.step,
@@ -405,10 +411,10 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
     alone = rows is run.rows
     # Where gravity is in the model, or nothing is missing in it, the position takes no torque.
     asks_position = not (run.setup.fits_gravity or run.setup.payload or fits.follows)
-    # What output error found, in units of k.
+    # Results of output error, in units of k.
     simulated, law = (
-        None if one is None else {**one.estimates, "relative_errors": one.relative_errors}
-        for one in (loop.symmetric, loop.chosen)
+        None if simulation is None else {**simulation.estimates, "relative_errors": simulation.relative_errors}
+        for simulation in (loop.symmetric, loop.chosen)
     )
     return {
         "method": fits.method,

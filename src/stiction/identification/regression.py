@@ -1,7 +1,7 @@
 """Torque regression: least squares of the torque equation, for any of its friction laws, over the rows of a log.
 
 In a closed loop the noise of the position comes back through the motor's torque, so least squares is biased: where
-gains and target are known, output error is the answer, and this where its search begins.
+gains and target are known, output error is used, and this fit starts its search.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.prepare import Prepared, Rows
 
 FEWEST_ROWS = 50
-"""Fewer say nothing about their own scatter."""
+"""Fewest rows of a fit: fewer say nothing about their scatter."""
 
 MAX_INFLATION = 100.0
-"""How many times longer a column may be than what the others leave of it; beyond, the parameter is not told apart."""
+"""Norm of a column over that of its part orthogonal to the others, above which its parameter is not identified."""
 
 LOAD_ROUNDS = 3
-"""The load follows from gravity and gravity from the fit: both settle in two rounds."""
+"""Rounds of fitting the load coefficient: the load follows from gravity and gravity from the fit; two rounds settle."""
 
 SPEEDS = 10
-"""Stribeck velocities tried before the best is refined."""
+"""Number of Stribeck velocities tried before the best is refined."""
 
 INVERSE_STRENGTH = "inverse_strength"
-"""1/k as a parameter: how much of the torque's unit one N m of known payload takes."""
+"""Name of the parameter 1/k: torque, in the torque's unit, per N m of known payload."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Fit:
     """A fitted torque equation; P parameters, R rows."""
 
     model: Model
-    """The equation."""
+    """Torque equation."""
     names: tuple[str, ...]
-    """Parameters: the model's, and `inverse_strength` where a known payload gives it."""
+    """Names of the parameters: the model's, and `inverse_strength` where a known payload gives it."""
     values: np.ndarray
     """Best estimates, shape (P,)."""
     jacobian: np.ndarray
@@ -57,11 +57,11 @@ class Fit:
     residual: np.ndarray
     """Measured less fitted torque [N m], shape (R,)."""
     rows: Rows
-    """What it was fitted to."""
+    """Rows of the fit."""
 
     @cached_property
     def blocks(self) -> Blocks:
-        """The estimating equations, summed over blocks that outlast the residual's memory."""
+        """Estimating equations, summed over blocks that outlast the residual's memory."""
         block = self.rows.blocks(block_count(self.residual))
         return make_blocks(self.jacobian, self.residual, block)
 
@@ -96,13 +96,13 @@ class Fit:
 
     @property
     def by_name(self) -> dict[str, float]:
-        """The best estimates by name."""
+        """Best estimates by name."""
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     def combination(self, weights: Mapping[str, float], like: str, value: float | None = None) -> Estimate:
         """Return a weighted sum of the parameters, its interval as many deviations wide as that of `like`.
 
-        value: of a function of the parameters whose gradient the weights are; by default the sum itself.
+        value: value of a function of the parameters whose gradient the weights are; by default the sum itself.
         """
         row = np.array([weights.get(name, 0.0) for name in self.names])
         centre = row @ self.values if value is None else value
@@ -113,9 +113,9 @@ class Fit:
         return with_intervals(np.array([centre]), np.array([[variance]]), reach)[0]
 
     def scatter(self) -> dict[str, Estimate]:
-        """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
-        found = with_intervals(self.values, self.covariance, self.reach)
-        return dict(zip(self.names, found, strict=True))
+        """Return each parameter with its deviation and interval from the residual's scatter alone."""
+        bounded = with_intervals(self.values, self.covariance, self.reach)
+        return dict(zip(self.names, bounded, strict=True))
 
     def estimates(self) -> dict[str, Estimate]:
         """Return each parameter with deviation and interval, which admits the bias of least squares in the inertia."""
@@ -139,13 +139,13 @@ def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
         columns |= {"load_coefficient": _load_size(rows, names, columns) * rows.direction}
     linear = [name for name in names if name != "stribeck_velocity"]
     values, residual = _solve(rows, linear, columns)
-    found = dict(zip(linear, values, strict=True))
+    named = dict(zip(linear, values, strict=True))
     if speed:
-        found["stribeck_velocity"] = speed
-        rise = found["static_friction"] - found["coulomb_friction"]
+        named["stribeck_velocity"] = speed
+        rise = named["static_friction"] - named["coulomb_friction"]
         columns["stribeck_velocity"] = rise * columns["steepening"]
     jacobian = np.stack([columns[name] for name in names], axis=1)
-    return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
+    return Fit(model, names, np.array([named[name] for name in names]), jacobian, residual, rows)
 
 
 def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
@@ -159,7 +159,7 @@ def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
 
 
 def fit_at(rows: Rows, model: Model, values: Mapping[str, float]) -> Fit:
-    """Return an equation at values that a simulation found, zero where it has none, as if fitted to the rows."""
+    """Return an equation at the values of a simulation, zero where it has none, as if fitted to the rows."""
     values = dict.fromkeys(model.names, 0.0) | dict(values)
     columns = _columns(rows, model.middle)
     if model.law == "stribeck":
@@ -169,21 +169,21 @@ def fit_at(rows: Rows, model: Model, values: Mapping[str, float]) -> Fit:
     elif model.law == "load":
         columns["load_coefficient"] = _load(rows, values, columns) * rows.direction
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
-    # A stand-in for the residual: to predict takes the fit that it belongs to.
+    # A placeholder for the residual, which the prediction of the fit gives.
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
     return replace(fit, residual=rows.torque - predict_torque(fit, rows))
 
 
 def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
-    """Return the torque that a fit expects on rows that it need not have seen [N m], shape (num_rows,)."""
-    found, columns = fit.by_name, _columns(rows, fit.model.middle)
+    """Return the torque that a fit predicts on rows, which it need not have seen [N m], shape (num_rows,)."""
+    values, columns = fit.by_name, _columns(rows, fit.model.middle)
     if fit.model.law == "stribeck":
-        columns |= _rise(rows, found["stribeck_velocity"])
+        columns |= _rise(rows, values["stribeck_velocity"])
     elif fit.model.law == "load":
-        columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
+        columns |= {"load_coefficient": _load(rows, values, columns) * rows.direction}
     # Where 1/k is a parameter the payload is its column.
-    payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
-    terms = (value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
+    payload = 0.0 if INVERSE_STRENGTH in values else rows.payload
+    terms = (parameter * columns[name] for name, parameter in values.items() if name != "stribeck_velocity")
     return payload + sum(terms, np.zeros(len(rows)))
 
 
@@ -198,9 +198,9 @@ def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
 
 
 def check_fit(source: str, fit: Fit) -> None:
-    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; `source` is named.
+    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; source: name for messages.
 
-    And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
+    Also if the link's gravity cannot be told from the payload's in any run that was fitted.
     """
     # Not `>=`, which is false for NaN.
     if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < MAX_INFLATION:
@@ -220,7 +220,7 @@ def check_fit(source: str, fit: Fit) -> None:
 
 
 def check_rows(source: str, rows: Rows, prepared: Prepared) -> None:
-    """Raise `LogError` for too few rows; prepared: what they were taken from."""
+    """Raise `LogError` for too few rows; prepared: the signals that they were taken from."""
     if len(rows) < FEWEST_ROWS:
         raise PoorMotion(
             source,
@@ -265,15 +265,15 @@ def _load_size(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray
     load = np.abs(rows.load)
     for _ in range(LOAD_ROUNDS):
         trial["load_coefficient"] = load * rows.direction
-        found = dict(zip(names, _solve(rows, list(names), trial)[0], strict=True))
-        load = _load(rows, found, columns)
+        values = dict(zip(names, _solve(rows, list(names), trial)[0], strict=True))
+        load = _load(rows, values, columns)
     return load
 
 
-def _load(rows: Rows, found: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:
+def _load(rows: Rows, values: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:
     """Return |gravity + known load| for fitted parameters, in the torque's unit, shape (R,)."""
-    gravity = sum(found[name] * columns[name] for name in GRAVITY_TERMS if name in found)
-    return np.abs(gravity + rows.load * found.get(INVERSE_STRENGTH, 1.0))
+    gravity = sum(values[name] * columns[name] for name in GRAVITY_TERMS if name in values)
+    return np.abs(gravity + rows.load * values.get(INVERSE_STRENGTH, 1.0))
 
 
 def _rise(rows: Rows, speed: float) -> dict[str, np.ndarray]:
@@ -289,7 +289,7 @@ def _rise(rows: Rows, speed: float) -> dict[str, np.ndarray]:
 def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> float:
     """Return the Stribeck velocity that leaves the least torque unexplained [rad/s].
 
-    It is sought between the speed that one row in twenty is under and half of the top speed.
+    It is searched between the 5th percentile of the speed and half of the top speed.
     """
     # Imported here, for it takes long and few logs need it.
     from scipy.optimize import minimize_scalar

@@ -1,4 +1,4 @@
-"""One run of one joint, ready for the estimators: what drove it, in which unit, and the rows that count."""
+"""One run of one joint, ready for the estimators: its driving torque and unit, and the rows that count."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from stiction.identification.setup import IdentifySetup
 from stiction.joints.pd import PDGains
 
 MOST_SATURATED = 0.5
-"""Share of the samples beyond the torque limit from which on gains, limit or angles cannot be what was declared."""
+"""Share of samples beyond the torque limit above which gains, limit or angles cannot be as declared."""
 
 SATURATED = 0.98
-"""Share of the torque limit from which on a motor no longer follows its controller."""
+"""Share of the torque limit above which a motor no longer follows its controller."""
 
 
 @dataclass(frozen=True)
@@ -35,30 +35,30 @@ class Run:
     joint: str
     """Name of the joint."""
     setup: IdentifySetup
-    """How it was made; what the log's sidecar knew is in it."""
+    """Set-up of the log, completed from its sidecar."""
     signals: Uniform
-    """On the even grid."""
+    """Signals on the even grid."""
     torque: np.ndarray
-    """What drove the joint, as measured or from the PD law [N m, or the torque column's unit], (num_samples,)."""
+    """Torque that drove the joint, measured or from the PD law [N m, or the torque column's unit], (num_samples,)."""
     prepared: Prepared
-    """Filtered."""
+    """Filtered signals."""
     rows: Rows
-    """What counts."""
+    """Rows that count."""
     notes: tuple[str, ...] = ()
-    """What was said of the file when it was read."""
+    """Notes from reading the file."""
     reading: Reading = field(default_factory=Reading)
-    """What happens between the samples."""
+    """Reading of the log between its samples."""
     driven: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """Torque that drove the joint, where the reading says that it acted [N m], shape (num_samples,)."""
+    """Torque that drove the joint, at the time at which it acted by the reading [N m], shape (num_samples,)."""
 
     @property
     def where(self) -> str:
-        """The log and its joint, for messages."""
+        """Log and joint, for messages."""
         return f"{self.source}: joint {self.joint!r}"
 
     @property
     def logged_target(self) -> np.ndarray | None:
-        """The target as it was logged, without the feedforward that `signals.target` carries [rad], (num_samples,)."""
+        """Target as it was logged, without the feedforward that `signals.target` carries [rad], (num_samples,)."""
         signals, kp = self.signals, self.setup.kp
         if signals.target is None or signals.feedforward is None or kp is None:
             return signals.target
@@ -66,26 +66,26 @@ class Run:
 
     @property
     def measured(self) -> bool:
-        """Whether the log has torque; otherwise it comes from the PD law."""
+        """True if the log has torque; otherwise it comes from the PD law."""
         return self.signals.torque is not None
 
     @property
     def model(self) -> Model:
-        """The torque equation with viscous and Coulomb friction, and with gravity where it is fitted."""
+        """Torque equation with viscous and Coulomb friction, and with gravity where it is fitted."""
         return Model("coulomb", self.setup.fits_gravity)
 
     @property
     def gains(self) -> PDGains | None:
-        """The controller, where kp and kd are known."""
+        """Gains of the controller; None where kp or kd is not known."""
         if self.setup.kp is None or self.setup.kd is None:
             return None
         return PDGains(self.setup.kp, self.setup.kd, self.setup.torque_limit or float("inf"))
 
 
 def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = True) -> Run:
-    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks.
+    """Check and prepare one joint of a log. Raise `StictionError` with one line for whatever the log lacks.
 
-    alone: whether it must tell friction by itself; of several runs in one fit none needs to.
+    alone: True if it must tell friction by itself; of several runs in one fit none needs to.
     """
     name, _ = log.joint(joint)
     setup, signals, torque, unusable = driven_signals(log, name, setup, FEWEST_SAMPLES if alone else FEWEST_POOLED)
@@ -102,7 +102,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
 
 
 def reread(run: Run, reading: Reading) -> Run:
-    """Return the run with its torque where `reading` says that it acted; the signals stay as they were logged."""
+    """Return the run with its torque at the time at which it acted by `reading`; the signals stay as logged."""
     signals, setup, unusable = run.signals, run.setup, None
     if signals.torque is not None and not reading.held:
         torque = np.interp(signals.time + reading.torque_lag, signals.time, signals.torque)
@@ -114,7 +114,7 @@ def reread(run: Run, reading: Reading) -> Run:
 
 
 def part_of(run: Run, part: slice) -> Run:
-    """Return what a simulation needs of a part of a run, its time from zero; filtered rows stay those of the whole."""
+    """Return a part of a run for simulation, its time from zero; filtered rows stay those of the whole."""
     filtered = {name: getattr(run.prepared, name)[part] for name in ("position", "velocity")}
     signals, prepared = cut(run.signals, part), replace(run.prepared, **filtered)
     return replace(run, signals=signals, prepared=prepared, driven=run.driven[part])
@@ -128,7 +128,7 @@ def fit_signals(
     simulated_position: np.ndarray | None = None,
     simulated_torque: np.ndarray | None = None,
 ) -> FitSignals:
-    """Return what the page draws of a run: its signals, and torques as of `FitSignals`, shape (num_samples,) each."""
+    """Return the signals of a run that the page draws, and torques as of `FitSignals`, shape (num_samples,) each."""
     prepared = run.prepared
     return FitSignals(
         time=run.signals.time,
@@ -168,14 +168,14 @@ def hanging(where: str, prepared: Prepared) -> float:
 
 
 LARGEST_PHASE = 0.02
-"""Deviation of a pendulum's angle, found from the log, beyond which it is not known [rad]: it turns so much of the
-weight into an offset."""
+"""Deviation of a pendulum's angle from the log above which it is not known [rad]: it turns so much of the weight into
+an offset."""
 
 
 def driven_signals(
     log: Log, name: str, setup: IdentifySetup, fewest: int = FEWEST_SAMPLES
 ) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
-    """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples of unknown drive.
+    """Return a joint's set-up with its sidecar, its checked signals, its torque, and the samples without known torque.
 
     Torque in N m, or the torque column's unit, and a mask, shape (num_samples,) each. Raises `StictionError`.
     """
@@ -193,7 +193,7 @@ def driven_signals(
 
 
 def _driven(where: str, signals: Uniform, setup: IdentifySetup) -> Uniform:
-    """Return signals whose torque is one, and not a current, a voltage or a duty."""
+    """Return signals whose torque column is converted from a current, a voltage or a duty."""
     drive = setup.drive
     if drive.column == "torque":
         return signals
@@ -208,14 +208,14 @@ def _driven(where: str, signals: Uniform, setup: IdentifySetup) -> Uniform:
 
 
 def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:
-    """Return signals whose target carries the torque that the controller adds to its own.
+    """Return signals whose target includes the torque that the controller adds to its own.
 
     kp (a + u/kp − θ) − kd θ' is kp (a − θ) − kd θ' + u: to whatever simulates or reconstructs the controller, limit
     included, feedforward is a target that is u/kp ahead. Logged torque has it already. Without kp or a target nothing
     is simulated, and it has no effect.
     """
     scales = (setup.feedforward_scale, setup.torque_scale, 1.0)
-    scale = next(one for one in scales if one is not None)
+    scale = next(value for value in scales if value is not None)
     added = scale * np.asarray(signals.feedforward)
     if signals.target is None or setup.kp is None:
         return replace(signals, feedforward=added)
@@ -232,14 +232,12 @@ def in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
 
 
 def notes_of(log: Log, setup: IdentifySetup) -> tuple[str, ...]:
-    """Return the notes of a log; without the question for a scale of the position that `setup` has."""
+    """Return the notes of a log, without the question for a scale of the position where `setup` has one."""
     return tuple(note for note in log.notes if setup.position_scale is None or note != LEROBOT)
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque that drove the joint, and the samples at which it is not known; the PD law's where none was
-    measured.
-    """
+    """Return the torque that drove the joint, from the PD law where it was not measured, and the unusable samples."""
     if signals.torque is not None:
         return signals.torque, np.zeros(len(signals.time), bool)
     return _controller_torque(source, signals, setup, Reading(delay=setup.delay or 0.0))

@@ -1,4 +1,4 @@
-"""How a log was made: what `stiction identify` takes as flags, and how its torque column becomes torque.
+"""Set-up of a log: the flags of `stiction identify`, and the conversion of the torque column to torque.
 
 A motor of torque constant kt [N m/A] and back-EMF ke [V s/rad], both at the joint, gear included, at a voltage U gives
 
@@ -24,44 +24,44 @@ from stiction.core.rotation import GRAVITY
 from stiction.files.log import LARGEST_NUMBER, LogSetup
 
 LARGEST_DUTY = 1.02
-"""A duty beyond this is no share: of a bridge that is always on, rounding makes no more."""
+"""Largest duty: a bridge that is always on, with rounding, makes no more."""
 
 PERCENT = 0.1
-"""Scale of a duty column under which it is declared to be in percent or counts."""
+"""Scale of a duty column below which it is declared to be in percent or counts."""
 
 BACK_EMF_ERROR = 0.1
-"""Share of kt ke/R that the interval of viscous friction admits where ke was taken and not found: copper that is 25 K
+"""Share of kt ke/R that the interval of viscous friction admits where ke was assumed: copper that is 25 K
 warmer has a tenth more resistance. A choice."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """How the torque column becomes torque."""
+    """Conversion of the torque column to torque."""
 
     column: str = "torque"
-    """One of `TorqueColumn`."""
+    """Content of the column, one of `TorqueColumn`."""
     supply: float | None = None
     """Voltage at a duty of 1 [V]."""
     kt: float | None = None
     """Torque constant at the joint [N m/A]."""
     resistance: float | None = None
-    """R [Ω]."""
+    """Resistance R [Ω]."""
     ke: float | None = None
-    """Back-EMF at the joint [V s/rad], where it was said."""
+    """Back-EMF at the joint [V s/rad]; None where it was not stated."""
 
     @property
     def by_voltage(self) -> bool:
-        """Whether the column is a voltage, or a duty."""
+        """True if the column is a voltage or a duty."""
         return self.column in ("voltage", "duty")
 
     @property
     def back_emf(self) -> float | None:
-        """ke, else kt, which is the same in SI [V s/rad]; None where neither is known."""
+        """Back-EMF constant: ke, else kt, which is the same in SI [V s/rad]; None where neither is known."""
         return self.kt if self.ke is None else self.ke
 
     @property
     def per_unit(self) -> float | None:
-        """N m per volt or ampere; None where that is not known, 1 for torque."""
+        """Torque per volt or ampere [N m/V, N m/A]; None where that is not known, 1 for torque."""
         if self.column == "torque":
             return 1.0
         if self.column == "current":
@@ -70,24 +70,24 @@ class Drive:
 
     @property
     def brake(self) -> float:
-        """What the motor's own brake took off, in the unit of the torque over speed; 0 where ke is not known."""
+        """Brake of the motor that was subtracted, in the unit of the torque over speed; 0 where ke is not known."""
         return 0.0 if not self.by_voltage or self.back_emf is None else (self.per_unit or 1.0) * self.back_emf
 
     @property
     def brakes_unseen(self) -> bool:
-        """Whether kt ke/R is in what looks like viscous friction."""
+        """True if kt ke/R is part of what looks like viscous friction."""
         return self.by_voltage and self.back_emf is None
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """Flags without which the torque's unit is not known."""
+        """Missing flags without which the torque's unit is not known."""
         if self.column == "torque" or self.per_unit is not None:
             return ()
         needed = {"--kt": self.kt} | ({"--resistance": self.resistance} if self.by_voltage else {})
         return tuple(flag for flag, value in needed.items() if value is None)
 
     def check(self) -> None:
-        """Raise `ConfigurationError` for numbers that no motor has, and for those that have no effect."""
+        """Raise `ConfigurationError` for impossible numbers, and for numbers without effect."""
         named = {
             "duty voltage": self.supply,
             "kt": self.kt,
@@ -113,7 +113,7 @@ class Drive:
         """Return the torque, or U − ke θ' [V], or the current, where its scale is not known; shape (num_samples,).
 
         where: log and joint, for messages; column: times `scale` already; velocity: θ' [rad/s], both (num_samples,).
-        Raises `LogError` for a duty that is no share.
+        Raises `LogError` for a duty outside -1 to 1.
         """
         signal = column
         if self.column == "duty":
@@ -125,7 +125,7 @@ class Drive:
 
 
 def _check_duty(where: str, duty: np.ndarray, scale: float) -> None:
-    """Refuse a duty in percent or counts, and a share that was taken for percent."""
+    """Reject a duty in percent or counts, and a share that was declared to be percent."""
     most = float(np.abs(duty).max())
     if most > LARGEST_DUTY:
         raise LogError(
@@ -141,13 +141,13 @@ def _check_duty(where: str, duty: np.ndarray, scale: float) -> None:
 
 
 LARGEST_TORQUE = 2000.0
-"""More than any joint of a legged robot delivers [N m]."""
+"""Largest torque of a joint of any legged robot [N m]."""
 
 LARGEST_VALUE = 1e9
-"""In SI units no joint has more of anything."""
+"""Largest value of any quantity in SI units."""
 
 LONGEST_DELAY = 1.0
-"""Delay that is believed [s]; a controller that is later holds no joint."""
+"""Longest plausible delay [s]; a controller that is later holds no joint."""
 
 
 @dataclass(frozen=True)
@@ -155,26 +155,26 @@ class Payload:
     """A known mass hung on the joint, which makes the torque's scale visible."""
 
     mass: float
-    """[kg]."""
+    """Mass [kg]."""
     distance: float
-    """Of its centre from the joint's axis, which lies level [m]."""
+    """Distance of its centre from the joint's axis, which lies level [m]."""
     angle: float
     """Angle of the joint at which it hangs straight down [rad]."""
 
     @property
     def weight(self) -> float:
-        """Largest torque of its weight, m g r [N m]."""
+        """Largest torque of the weight, m g r [N m]."""
         return self.mass * GRAVITY * self.distance
 
     @property
     def inertia(self) -> float:
-        """As a point mass, m r² [kg m²]."""
+        """Inertia as a point mass, m r² [kg m²]."""
         return self.mass * self.distance**2
 
 
 @dataclass(frozen=True)
 class IdentifySetup:
-    """How the log was made; a field that is None is taken from the log's sidecar, if that has it."""
+    """Set-up of a log; a field that is None is taken from the log's sidecar, if that has it."""
 
     kp: float | None = None
     """Proportional gain of the controller during the log [N m/rad, or N/m]."""
@@ -184,25 +184,25 @@ class IdentifySetup:
     """Largest torque of the motor, at the joint [N m, or N; with torque_calibrated false in the unit of the torque
     column]."""
     torque_source: Literal["motor_side", "output_side"] | None = None
-    """Where torque was measured: motor_side is current or command (joint friction not in it), output_side a sensor
+    """Side of the torque measurement: motor_side is current or command (joint friction not in it), output_side a sensor
     behind the gear, from which joint friction cannot be found."""
     test_condition: Literal["bare_motor", "in_air", "loaded"] | None = None
-    """What hung on the motor."""
+    """Load on the motor during the log."""
     axis: Literal["rotary", "linear"] | None = None
-    """Linear: read kg, N and m."""
+    """Kind of axis; linear: read kg, N and m."""
     torque_scale: float | None = None
     """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round; 1 if
     not given. Where the column holds something else, A, V or a share of full duty per unit: 0.01 for percent."""
     torque_column: Literal["torque", "current", "voltage", "duty"] | None = None
-    """What the torque column holds, times the scale: torque if not given, and with --duty-voltage a duty, from -1 to 1.
+    """Content of the torque column, times the scale: torque if not given, and with --duty-voltage a duty, from -1 to 1.
     Torque is then kt current, or kt (voltage - ke speed)/R. Gains, where given, stay those of the torque."""
     duty_voltage: float | None = None
     """Voltage across the motor at a duty of 1, that of the supply [V]; the torque column is a duty then."""
     kt: float | None = None
     """Torque constant at the joint: that of the motor times the gear ratio [N m/A]."""
     resistance: float | None = None
-    """Of the motor and its driver, for a duty or a voltage [ohm]. Without kt and this the scale of torque is not known,
-    unless a pendulum or a payload tells it."""
+    """Resistance of motor and driver, for a duty or a voltage [ohm]. Without kt and this the scale of torque is not
+    known, unless a pendulum or a payload tells it."""
     ke: Annotated[float | None, SETTING] = None
     """Back-EMF at the joint [V s/rad], a supply's voltage over the speed without load; kt if not given, the same in SI
     but for what the gear loses."""
@@ -215,24 +215,24 @@ class IdentifySetup:
     """rad (or m) per unit of position, target and velocity; 1 if not given. 0.0174533 for degrees, one over the gear
     ratio for the angle of a motor."""
     velocity_delay: Annotated[float | None, SETTING] = None
-    """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
-    filter; 0 if not given. It matters to output error alone."""
+    """Delay of the velocity that the controller uses [s]: half a sample for a difference over one sample, plus its
+    filter; 0 if not given. It affects output error only."""
     delay: Annotated[float | None, SETTING] = None
-    """How late the whole controller is, from sensors and target to torque [s]; 0 if not given."""
+    """Delay of the whole controller, from sensors and target to torque [s]; 0 if not given."""
     motor_strength: Annotated[float | None, SETTING] = None
-    """k, torque delivered over torque logged or commanded. Position-only logs do not show it: whoever gives it here
-    vouches for the scale of all that follows."""
+    """Motor strength k, torque delivered over torque logged or commanded. Position-only logs do not show it: all
+    results then have the scale of this value."""
     torque_calibrated: Annotated[bool | None, SETTING] = None
-    """Whether the torque column, times the scale, is in N m; true if not given. A current without a torque constant is
+    """True if the torque column, times the scale, is in N m; true if not given. A current without a torque constant is
     not: inertia and friction then come out over k."""
     payload_mass: float | None = None
-    """A known mass hung on the joint for this log [kg], which tells k."""
+    """Known mass hung on the joint for this log [kg], which tells k."""
     payload_distance: float | None = None
     """Distance of the payload's centre from the axis [m]."""
     payload_angle: float | None = None
     """Angle of the joint at which the payload hangs straight down [rad]."""
     pendulum_mass: float | None = None
-    """Mass of all that hangs on the joint, where that is known: its weight is then the gravity of this log, none is
+    """Mass of all that hangs on the joint, if known: its weight is then the gravity of this log, none is
     fitted, and it tells the scale of the torque [kg]."""
     pendulum_length: float | None = None
     """Distance of its centre of mass from the axis, which lies level [m]."""
@@ -242,7 +242,7 @@ class IdentifySetup:
     """Angle of the joint, known from the geometry, at which the link hangs straight down [rad]: gravity then tells
     the encoder's bias."""
     unknowns: Annotated[tuple[Literal["encoder_bias"], ...], SETTING] = ()
-    """Bias of the encoder, to be found too."""
+    """Bias of the encoder, to be estimated too."""
     gravity: bool | None = None
     """Fit gravity on the link; by default for a leg in the air, and where the test condition is loaded or not stated,
     if it predicts parts of the log that the fit did not see better."""
@@ -256,29 +256,29 @@ class IdentifySetup:
         return replace(self, **{name: getattr(sidecar, name) for name in shared if getattr(self, name) in (None, ())})
 
     def for_repeat(self) -> IdentifySetup:
-        """Return the setup for another log of the same joint: what hung on it is for that log's sidecar to say."""
+        """Return the setup for another log of the same joint, without a load, which that log's sidecar states."""
         bare = replace(self, pendulum_mass=None, pendulum_length=None, pendulum_angle=None)
         return replace(bare, payload_mass=None, payload_distance=None, payload_angle=None)
 
     @property
     def drive(self) -> Drive:
-        """What the torque column holds."""
+        """Content of the torque column."""
         column = self.torque_column or ("torque" if self.duty_voltage is None else "duty")
         return Drive(column, self.duty_voltage, self.kt, self.resistance, self.ke)
 
     @property
     def calibrated(self) -> bool:
-        """Whether the torque column, if there is one, comes out in N m."""
+        """True if the torque column, if logged, is converted to N m."""
         return self.torque_calibrated is not False and self.drive.per_unit is not None
 
     @property
     def pendulum(self) -> bool:
-        """Whether all that hangs on the joint is known."""
+        """True if all that hangs on the joint is known."""
         return self.pendulum_mass is not None
 
     @property
     def fits_gravity(self) -> bool:
-        """Whether gravity enters the torque equation."""
+        """True if gravity enters the torque equation."""
         if self.pendulum:
             return False
         if self.gravity is None:
@@ -287,7 +287,7 @@ class IdentifySetup:
 
     @property
     def payload(self) -> Payload | None:
-        """The known payload, if there is one; a pendulum is one, once its angle is known."""
+        """Known payload, or None; a pendulum is one, once its angle is known."""
         if self.pendulum_mass is not None and self.pendulum_length is not None and self.pendulum_angle is not None:
             return Payload(self.pendulum_mass, self.pendulum_length, self.pendulum_angle)
         if self.payload_mass is None or self.payload_distance is None or self.payload_angle is None:
@@ -295,7 +295,7 @@ class IdentifySetup:
         return Payload(self.payload_mass, self.payload_distance, self.payload_angle)
 
     def check(self) -> None:
-        """Raise `StictionError` for numbers that no set-up has, and for torque from which friction cannot be found."""
+        """Raise `StictionError` for impossible numbers, and for torque from which friction cannot be found."""
         positive = ("kp", "torque_limit", "motor_strength", *PAYLOAD[:2], *PENDULUM[:2])
         for name in (*positive, "kd", "delay", "velocity_delay"):
             value, less = getattr(self, name), "" if name in positive else ", or 0"
@@ -313,22 +313,22 @@ class IdentifySetup:
                 "torque source output_side: a sensor behind the gear does not see the joint's friction; "
                 "use the motor's current or command (motor_side)"
             )
-        given = [name for name in PAYLOAD if getattr(self, name) is not None]
-        if given and len(given) < len(PAYLOAD):
-            missing = next(name for name in PAYLOAD if name not in given)
-            raise ConfigurationError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
-        self._check_pendulum(given)
+        stated = [name for name in PAYLOAD if getattr(self, name) is not None]
+        if stated and len(stated) < len(PAYLOAD):
+            missing = next(name for name in PAYLOAD if name not in stated)
+            raise ConfigurationError(f"{stated[0]} without {missing}: a payload needs mass, distance and angle")
+        self._check_pendulum(stated)
         self.check_torque_limit()
         self.drive.check()
         for name in ("payload_angle", "pendulum_angle", "hanging_angle"):
             value = getattr(self, name)
             if value is not None and not isfinite(value):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
-        if self.axis == "linear" and (given or self.pendulum or self.gravity or self.hanging_angle is not None):
+        if self.axis == "linear" and (stated or self.pendulum or self.gravity or self.hanging_angle is not None):
             raise ConfigurationError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
 
     def check_torque_limit(self) -> None:
-        """Refuse a limit that no motor has, of which any friction is a vanishing share: raises `ConfigurationError`."""
+        """Reject a torque limit above that of any motor: raises `ConfigurationError`."""
         limit = self.torque_limit
         if limit is None or limit <= LARGEST_TORQUE:
             return
@@ -341,40 +341,40 @@ class IdentifySetup:
             raise ConfigurationError(f"torque limit {limit:g}: expected at most {LARGEST_VALUE:g}")
 
     def _check_pendulum(self, payload: list[str]) -> None:
-        """Refuse half a pendulum, and one beside other weights; payload: what of a payload was given."""
-        given = [name for name in PENDULUM if getattr(self, name) is not None]
-        missing = [name for name in PENDULUM[:2] if name not in given]
-        if given and missing:
-            raise ConfigurationError(f"{given[0]} without {missing[0]}: a pendulum needs mass and length")
-        if given and (payload or self.gravity):
+        """Reject half a pendulum, and one together with other weights; payload: stated fields of a payload."""
+        stated = [name for name in PENDULUM if getattr(self, name) is not None]
+        missing = [name for name in PENDULUM[:2] if name not in stated]
+        if stated and missing:
+            raise ConfigurationError(f"{stated[0]} without {missing[0]}: a pendulum needs mass and length")
+        if stated and (payload or self.gravity):
             other = payload[0] if payload else "gravity"
             raise ConfigurationError(
-                f"{given[0]} and {other}: a pendulum is all that hangs on the joint; leave {other} out, or give the "
+                f"{stated[0]} and {other}: a pendulum is all that hangs on the joint; leave {other} out, or give the "
                 "known part as a payload"
             )
 
 
 PAYLOAD = ("payload_mass", "payload_distance", "payload_angle")
-"""All of them, or none."""
+"""Fields of a payload: all of them are set, or none."""
 
 PENDULUM = ("pendulum_mass", "pendulum_length", "pendulum_angle")
-"""The first two, or none."""
+"""Fields of a pendulum: the first two are set, or none."""
 
 
 SINGLE = (*PAYLOAD, *PENDULUM, "hanging_angle", "gravity")
-"""Fields of `IdentifySetup` that speak of one joint alone: with a robot's model, its links say all of that."""
+"""Fields of `IdentifySetup` for one joint alone: a robot's model replaces them."""
 
 
 @dataclass(frozen=True)
 class LimbSetup:
-    """What is chosen and declared about a log in which all joints of a limb move."""
+    """Set-up of a log in which all joints of a limb move."""
 
     model_error: float = field(default=0.1, metadata=needs("--robot"))
     """Standard deviation of each link's errors in the model: of mass and inertia as shares, of the centre of mass as a
     share of the link's radius of gyration [1]. Estimates and intervals admit it. A drawing or a maker's file, with its
     cables, screws and gear boxes, is seldom better than a tenth."""
     timing_error: Annotated[float, SETTING] = field(default=0.5, metadata=needs("--robot"))
-    """Standard deviation of how early or late all torques are in the log against the angles, over its step [1]: a
+    """Standard deviation of the shift in time of all torques in the log against the angles, over its step [1]: a
     controller that holds its torque between updates is half a step off."""
     up: tuple[float, float, float] | None = field(default=None, metadata=needs("--robot"))
     """Direction up in the base's frame; by default as the robot's file has it."""
@@ -382,7 +382,7 @@ class LimbSetup:
     """LOG=MODEL pairs for joints that are called otherwise in the log, such as joint_1=shoulder_pan."""
 
     def check_with(self, declared: IdentifySetup) -> None:
-        """Raise `ConfigurationError` for what has no meaning, and for declarations of a single joint's log."""
+        """Raise `ConfigurationError` for impossible values, and for declarations of a single joint's log."""
         for name in ("model_error", "timing_error"):
             value = getattr(self, name)
             if not (isfinite(value) and 0 < value <= 1):
@@ -391,10 +391,10 @@ class LimbSetup:
             from stiction.files.joint_map import parse_joint_map
 
             parse_joint_map(self.joint_map)
-        given = [name for name in SINGLE if getattr(declared, name) is not None] + list(declared.unknowns)
-        if given:
+        single = [name for name in SINGLE if getattr(declared, name) is not None] + list(declared.unknowns)
+        if single:
             raise ConfigurationError(
-                f"{given[0].replace('_', ' ')} is for a single joint; with --robot the model says what the links "
+                f"{single[0].replace('_', ' ')} is for a single joint; with --robot the model says what the links "
                 "weigh and carry: leave it out, or put the load into the model"
             )
         if declared.axis == "linear" or declared.test_condition == "bare_motor":

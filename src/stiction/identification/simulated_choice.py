@@ -1,8 +1,8 @@
-"""Choice of the friction law by simulation: the simplest that no richer one beats on parts of the log it did not see.
+"""Choice of the friction law by simulation: the simplest that no richer one beats on held-out parts of the log.
 
-What each law would explain is first asked of the derivatives of the symmetric law's simulation, all at once; the laws
-that could be worth their parameters are then fitted, and judged by the information criterion and by leaving out one
-block of the log at a time.
+The evidence of each law is first predicted from the derivatives of the symmetric law's simulation, all at once; the
+laws that could be worth their parameters are then fitted, and judged by the information criterion and by leaving out
+one block of the log at a time.
 """
 
 from __future__ import annotations
@@ -24,41 +24,41 @@ from stiction.identification.runs import Run
 from stiction.joints.variation import Segments
 
 AT_NOISE = 1.15
-"""Residual over the position's noise up to which nothing is left for a law to explain."""
+"""Residual over the position's noise up to which no law has anything left to explain."""
 
 MOST_TRIED, PROMISING = 2, 0.25
-"""Laws that are fitted, the most promising ones: so many, of at least this share of the best one's evidence."""
+"""Most laws that are fitted, the most promising ones, and their least share of the best one's evidence."""
 
 KEPT_PROMISE = 0.7
-"""Evidence promised to first order, over that of a law which follows the log nearly to its noise, under which another
-law is not fitted: fits keep what was promised to a third."""
+"""Evidence to first order, over that of a law which follows the log nearly to its noise, below which another law is
+not fitted: fits reach their predicted evidence to a third."""
 
 STRIBECK_SHARES = (0.01, 0.03, 0.1, 0.3)
-"""Stribeck velocities over the top speed at which it is asked what that law would explain."""
+"""Stribeck velocities over the top speed at which that law is screened."""
 
 START_RISES = ((1.0, 1.3), (0.3, 1.5))
-"""Friction in motion and at rest, over Coulomb friction as the symmetric law has it, at which a search begins."""
+"""Friction in motion and at rest, over Coulomb friction of the symmetric law, at which a search begins."""
 
 MUCH, MOST_AGAIN = 0.5, 2
-"""Residual over that of the symmetric law under which a law explains much, and further searches for such a law."""
+"""Residual over that of the symmetric law below which a law explains much, and further searches for such a law."""
 
 MIN_STATIC_RATIO = 1.05
-"""Static over Coulomb friction from which on a joint is said to hold itself by more than brakes it in motion."""
+"""Static over Coulomb friction above which a joint counts as held by more than brakes it in motion."""
 
 
 @dataclass(frozen=True)
 class _Screened:
-    """What a law would explain, to first order."""
+    """First-order prediction of a law's benefit."""
 
     law: Law
     evidence: float
     """Drop of the information criterion."""
     start: Mapping[str, float]
-    """Values of the law's own parameters at which its search begins."""
+    """Values of the law's parameters at which its search begins."""
 
 
 def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, OutputError | None]:
-    """Return the choice, and the simulation of a richer law where that was chosen.
+    """Return the choice, and the simulation of a richer law where one was chosen.
 
     plain: output error with viscous and Coulomb friction; base: the regression with that law.
     """
@@ -69,12 +69,12 @@ def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, O
     screened = _screen(run, plain, base)
     fits, reasons = _fit(run, plain, base, screened)
     rows = {"coulomb": plain} | fits
-    counted = np.logical_and.reduce([one.counted for one in rows.values()])
+    counted = np.logical_and.reduce([fit.counted for fit in rows.values()])
     fold = _folds(counted, plain)
-    errors = {law: _left_out(one, fold, counted) for law, one in rows.items()}
+    errors = {law: _left_out(fit, fold, counted) for law, fit in rows.items()}
     gains = {law: gain_by_block(errors[law], errors["coulomb"]) for law in rows}
     more = {law: len(Model(law, gravity).names) - parameters for law in rows}
-    evidence = {law: evidence_between(plain, one, more[law]) for law, one in rows.items()}
+    evidence = {law: evidence_between(plain, fit, more[law]) for law, fit in rows.items()}
     admissible = ["coulomb"]
     for law in sorted(fits, key=lambda law: (more[law], law)):
         if not gains[law].certain:
@@ -90,13 +90,13 @@ def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, O
         Candidate(
             law=law,
             parameters=parameters + more[law],
-            held_out=_share(run, one),
+            held_out=_share(run, fit),
             gain=gains[law].mean,
             gain_std=gains[law].std,
             evidence=evidence[law],
             verdict=verdicts[law],
         )
-        for law, one in rows.items()
+        for law, fit in rows.items()
     ]
     if chosen == "coulomb":
         return Choice(base.model, tuple(candidates)), None
@@ -117,7 +117,7 @@ def _model(run: Run, base: Fit, law: Law) -> Model:
 
 
 def _screen(run: Run, plain: OutputError, base: Fit) -> list[_Screened]:
-    """Return what each law would explain to first order, the most promising first; nothing where that is not told."""
+    """Return the first-order prediction of each law, the most promising first; empty where it is not known."""
     top = float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     middle = _model(run, base, "position").middle
     groups: list[tuple[Law, int, tuple[str, ...]]] = [
@@ -128,7 +128,7 @@ def _screen(run: Run, plain: OutputError, base: Fit) -> list[_Screened]:
     ]
     if base.model.gravity or np.ptp(run.rows.load) > 0:
         groups.append(("load", 1, ("load_coefficient",)))
-    names = [name for _, _, own in groups for name in own]
+    names = [name for _, _, parameters in groups for name in parameters]
 
     def torques(pieces: Segments, effort: np.ndarray) -> list[np.ndarray]:
         ones = np.ones_like(pieces.position)
@@ -151,46 +151,46 @@ def _screen(run: Run, plain: OutputError, base: Fit) -> list[_Screened]:
     basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0).clip(1e-300))[0]
     left, columns = rows - basis @ (basis.T @ rows), columns - basis @ (basis.T @ columns)
     promising: dict[Law, _Screened] = {}
-    for law, more, own in groups:
-        places = [names.index(name) for name in own]
+    for law, more, parameters in groups:
+        places = [names.index(name) for name in parameters]
         values = np.linalg.lstsq(columns[:, places], -left, rcond=None)[0]
         after = left + columns[:, places] @ values
         evidence = evidence_of([left], [after], more)
-        start = dict(zip(own, values.tolist(), strict=True))
+        start = dict(zip(parameters, values.tolist(), strict=True))
         if law == "stribeck":
-            start = {"stribeck_velocity": float(own[0]) * top}
+            start = {"stribeck_velocity": float(parameters[0]) * top}
         if law not in promising or evidence > promising[law].evidence:
             promising[law] = _Screened(law, evidence, start)
-    return sorted(promising.values(), key=lambda one: -one.evidence)
+    return sorted(promising.values(), key=lambda law: -law.evidence)
 
 
 def _fit(
     run: Run, plain: OutputError, base: Fit, screened: list[_Screened]
 ) -> tuple[dict[Law, OutputError], dict[Law, str]]:
-    """Fit the promising laws; return those that a joint can have, and why others are none."""
+    """Fit the promising laws; return those that a joint can have, and the reasons against the others."""
     fits: dict[Law, OutputError] = {}
     reasons: dict[Law, str] = {}
     reached = 0.0
-    worth = [one for one in screened if one.evidence >= MIN_EVIDENCE]
-    tried = [one for one in worth if one.evidence >= PROMISING * worth[0].evidence][:MOST_TRIED]
-    rises = any(one.law == "stribeck" and one.evidence >= MIN_EVIDENCE for one in screened)
+    worth = [candidate for candidate in screened if candidate.evidence >= MIN_EVIDENCE]
+    tried = [candidate for candidate in worth if candidate.evidence >= PROMISING * worth[0].evidence][:MOST_TRIED]
+    rises = any(candidate.law == "stribeck" and candidate.evidence >= MIN_EVIDENCE for candidate in screened)
     if rises and any(phase.sign == 0 for phase in plain.response.motion.phases):
         tried.append(_Screened("breakaway", 0.0, {}))
-    for one in tried:
-        if one.law == "load" and not load_known(base):
-            reasons[one.law] = LOAD_UNKNOWN
+    for candidate in tried:
+        if candidate.law == "load" and not load_known(base):
+            reasons[candidate.law] = LOAD_UNKNOWN
             continue
-        if one.law != "breakaway" and one.evidence < KEPT_PROMISE * reached:
+        if candidate.law != "breakaway" and candidate.evidence < KEPT_PROMISE * reached:
             continue
-        fit = _search(run, plain, base, one)
+        fit = _search(run, plain, base, candidate)
         if fit is None:
-            reasons[one.law] = "the simulation does not tell its parameters"
+            reasons[candidate.law] = "the simulation does not tell its parameters"
         elif negative := negative_friction(fit.values):
-            reasons[one.law] = negative
+            reasons[candidate.law] = negative
         elif not _rises(fit):
-            reasons[one.law] = "friction does not rise toward rest"
+            reasons[candidate.law] = "friction does not rise toward rest"
         else:
-            fits[one.law] = fit
+            fits[candidate.law] = fit
             if fit.rms <= TELLING * run.prepared.noise:
                 more = len(fit.estimates) - len(plain.estimates)
                 reached = max(reached, evidence_between(plain, fit, more))
@@ -249,16 +249,16 @@ def _folds(counted: np.ndarray, plain: OutputError) -> np.ndarray:
 
 
 def _left_out(fit: OutputError, fold: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """Return the squared error of the position on each block, by the fit to all the others to first order."""
+    """Return the squared error of the position on each block, by the fit to all other blocks to first order."""
     rows, slopes = fit.position_rows()
-    kept = counted[fit.counted]
-    rows, slopes = rows[kept], slopes[kept]
+    selected = counted[fit.counted]
+    rows, slopes = rows[selected], slopes[selected]
     # In orthogonal directions the systems without a block are near the identity.
     basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0).clip(1e-300))[0]
     whole, errors = basis.T @ rows, []
     for block in np.unique(fold):
-        own, left = basis[fold == block], rows[fold == block]
-        change = np.linalg.lstsq(np.eye(len(whole)) - own.T @ own, own.T @ left - whole, rcond=1e-9)[0]
+        columns, left = basis[fold == block], rows[fold == block]
+        change = np.linalg.lstsq(np.eye(len(whole)) - columns.T @ columns, columns.T @ left - whole, rcond=1e-9)[0]
         # A search that was not ended promises more to first order than its fit does.
-        errors.append(max(float(np.sum((left + own @ change) ** 2)), float(left @ left)))
+        errors.append(max(float(np.sum((left + columns @ change) ** 2)), float(left @ left)))
     return np.array(errors)

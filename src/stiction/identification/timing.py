@@ -1,4 +1,4 @@
-"""When the samples were taken: what the stamps say, how good they are, and the even grid that they are brought onto.
+"""Times of the samples: quality of the stamps, and the even grid that signals are brought onto.
 
 Signals are interpolated by cubic splines, all by the same linear rule, so that a linear relation between them (the
 torque of a PD law, say) survives; stairs are held. Long gaps are bridged by straight lines and marked as not valid.
@@ -14,103 +14,103 @@ import numpy as np
 from stiction.core.errors import LogError
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1
-"""Between these lies the step of every log that can be used [s]."""
+"""Least and largest step of a usable log [s]."""
 
 LARGEST_LOSS = 0.2
 """Share of samples that may be missing or double: beyond, the stamps are uneven, or stand still."""
 
 LONGEST_SETBACK = 20
-"""Steps by which a stamp may lag behind the one before; more is a second run in the file, or a clock that was set."""
+"""Most steps by which a stamp may lag behind the one before; more is a second run in the file, or a clock reset."""
 
 PAUSE = 1.0
 """Longest gap that keeps its length on the grid [s]."""
 
 FEWEST_COARSE = 10
-"""Stamps that come twice, and different ones, from which on a line through them tells coarse stamps from doubles."""
+"""Fewest doubled stamps, and different ones, for a line through them to tell coarse stamps from doubles."""
 
 MOST_POINTS = 20
-"""Mean interval over the median one beyond which rows came in bursts, and points of the grid for each sample."""
+"""Mean interval over the median one above which rows came in bursts, and most points of the grid for each sample."""
 
 FEWEST_PER_CYCLE = 20
 """Samples per period of the fastest motion; with fewer, derivatives are guesses."""
 
 LONGEST_BRIDGE, MARGIN = 3, 2
-"""Samples missing in a row that interpolation may replace: a reversal takes longer at any rate worth logging at. Uneven
-stamps are judged by the period of the motion instead. Beside a longer gap so many samples are not valid either: what
-was interpolated there leans on one side."""
+"""Samples missing in a row that interpolation may replace, and samples next to a longer gap that are not valid: a
+reversal takes longer at any rate worth logging at, and values interpolated beside a gap lean on one side. Uneven
+stamps are judged by the period of the motion instead."""
 
 EVEN = 1e-3
-"""Departure from even stamps, in steps, that no clock's jitter is smaller than."""
+"""Departure from even stamps, in steps, up to which they are exactly even: the jitter of any clock is larger."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How good the stamps of a log are."""
+    """Quality of the time stamps of a log."""
 
     samples: int
-    """Samples in the log."""
+    """Number of samples in the log."""
     rate: float
     """Samples per second [Hz]."""
     jitter: float
     """Standard deviation of the interval between samples that follow each other, in steps [1]."""
     duplicated: int
-    """Samples whose stamp another one had already; they were left out."""
+    """Number of samples that were left out because another one has their stamp."""
     disordered: int
-    """Samples older than one before them; they were put in order."""
+    """Number of samples older than one before them; they were put in order."""
     dropped: int
-    """Samples that are missing in between."""
+    """Number of missing samples."""
     longest_gap: float
     """Longest time between two samples [s]."""
     synthetic: bool
-    """The stamps are exactly even: jitter, if there was any, cannot be seen."""
+    """True if the stamps are exactly even: jitter, if any, cannot be seen."""
     notes: tuple[str, ...] = ()
-    """Further facts about the stamps and what was done, one sentence each."""
+    """Further facts about the stamps and their treatment, one sentence each."""
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what went wrong with the stamps and what was done, one sentence each."""
-        found = list(self.notes)
+        """Return the defects of the stamps and their treatment, one sentence each."""
+        sentences = list(self.notes)
         step = 1 / self.rate
         if self.jitter > 0.02:
-            found.append(
+            sentences.append(
                 f"the time stamps jitter by {self.jitter:.1%} of a step: the signals were interpolated to even times, "
                 "which is right if the stamps say when the samples were taken, and adds noise if they say when they "
                 "arrived"
             )
         if self.duplicated:
-            found.append(f"{self.duplicated} samples have the time stamp of another one and were left out")
+            sentences.append(f"{self.duplicated} samples have the time stamp of another one and were left out")
         if self.disordered:
-            found.append(f"{self.disordered} samples came out of order and were put in order by their time stamps")
+            sentences.append(f"{self.disordered} samples came out of order and were put in order by their time stamps")
         if self.dropped:
-            found.append(
+            sentences.append(
                 f"{self.dropped} samples of {self.samples + self.dropped} are missing, the longest gap takes "
                 f"{self.longest_gap:.4g} s: up to {LONGEST_BRIDGE} in a row were interpolated"
                 + (", longer gaps are not used" if self.longest_gap > (LONGEST_BRIDGE + 1.5) * step else "")
             )
-        return tuple(found)
+        return tuple(sentences)
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Even times, and where the samples that were kept lie among them."""
+    """Even times, and the places of the log's samples among them."""
 
     step: float
     """Time between points of the grid [s]."""
     times: np.ndarray
-    """The grid, from zero [s], shape (num_points,)."""
+    """Times of the grid, from zero [s], shape (num_points,)."""
     order: np.ndarray
-    """Indices of the log's samples that count, in the order of their stamps, shape (num_kept,)."""
+    """Indices of the log's samples that count, in the order of their stamps, shape (num_counted,)."""
     stamps: np.ndarray
-    """Their stamps, from zero [s], shape (num_kept,)."""
+    """Stamps of these samples, from zero [s], shape (num_counted,)."""
     valid: np.ndarray
-    """False in a long gap and beside it, shape (num_points,)."""
+    """False in a long gap and next to it, shape (num_points,)."""
     on_grid: bool
-    """The samples lie on the points of the grid, so that nothing needs to be interpolated."""
+    """True if the samples lie on the points of the grid, so that nothing needs to be interpolated."""
     bridge: float
     """Longest interval over which signals are interpolated [s]; longer ones are gaps."""
 
 
 def even_grid(source: str, time: np.ndarray, motion: np.ndarray | None = None) -> tuple[Grid, Timing]:
-    """Return the even grid for stamps [s], shape (num_samples,), and how good they are.
+    """Return the even grid for stamps [s], shape (num_samples,), and the quality of the stamps.
 
     source: the log's name, for messages; motion: the position, shape (num_samples,), whose period bounds the steps of
     uneven stamps. Raises `LogError` for stamps that are not in seconds, that stand still, or that come in bursts.
@@ -173,7 +173,7 @@ def even_grid(source: str, time: np.ndarray, motion: np.ndarray | None = None) -
 
 
 def _fitted(intervals: np.ndarray, stamps: np.ndarray, step: float) -> tuple[float, int, int, bool]:
-    """Return the step [s], the number of steps, how many samples are missing, and whether the stamps are uneven.
+    """Return the step [s], the number of steps, the number of missing samples, and True if the stamps are uneven.
 
     intervals: between `stamps`; step: their median [s].
     """
@@ -204,9 +204,9 @@ def fastest_motion(position: np.ndarray, step: float) -> float | None:
 
 
 def _in_order(source: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, tuple[str, ...]]:
-    """Return samples in the order of their stamps, the stamps from zero [s], how many were misplaced, and notes.
+    """Return samples in the order of their stamps, the stamps from zero [s], the number of misplaced ones, and notes.
 
-    A file that holds its newest row first is turned round. Parts whose clock begins again follow one another, a pause
+    A file with its newest row first is turned round. Parts whose clock begins again follow one another, with a pause
     between them.
     """
     samples, order = len(time), np.arange(len(time))
@@ -261,8 +261,8 @@ def _in_order(source: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, in
 
 def stands_out(values: np.ndarray, far: float, near: float) -> np.ndarray:
     """Return True for values, shape (num_samples,), that lie `far` from those on either side, which lie `near`."""
-    there, back = np.diff(values)[:-1], np.diff(values)[1:]
-    alone = (np.minimum(np.abs(there), np.abs(back)) > far) & (np.abs(there + back) <= near)
+    before, after = np.diff(values)[:-1], np.diff(values)[1:]
+    alone = (np.minimum(np.abs(before), np.abs(after)) > far) & (np.abs(before + after) <= near)
     return np.concatenate(([False], alone, [False]))[: len(values)]
 
 
@@ -271,7 +271,7 @@ def _spaced(
 ) -> tuple[np.ndarray, np.ndarray, float, tuple[str, ...]]:
     """Return one sample a stamp, the first in the file, their stamps, and the median interval [s].
 
-    Raises `LogError` where time stands still, is not in seconds, or comes in bursts. A note says where the stamps are
+    Raises `LogError` where time stands still, is not in seconds, or comes in bursts. A note reports stamps that are
     merely coarse.
     """
     fresh = np.concatenate(([True], np.diff(stamps) > 0))
@@ -307,7 +307,7 @@ def _spaced(
 
 
 def _arrived(stamps: np.ndarray, step: float, position: np.ndarray) -> np.ndarray | None:
-    """Return even stamps for jittering ones that say when samples arrived; None where they are right as they are.
+    """Return even stamps for jittering ones that give the samples' arrival; None where they are right as they are.
 
     A position that was read at even times is smooth there, and as rough as its speed times the jitter at any other.
     """
@@ -329,7 +329,7 @@ def _arrived(stamps: np.ndarray, step: float, position: np.ndarray) -> np.ndarra
 
 
 def stands_still(time: np.ndarray) -> bool:
-    """Return whether stamps, shape (num_samples,), do not run backwards, and more than may be lost are equal."""
+    """Return True if stamps, shape (num_samples,), do not run backwards, and more than may be lost are equal."""
     steps = np.diff(time)
     return bool(np.all(steps >= 0) and np.count_nonzero(steps == 0) > LARGEST_LOSS * len(time))
 
@@ -360,7 +360,7 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int, float]:
 
 
 def _rounded(stamps: np.ndarray, step: float) -> bool:
-    """Return whether even stamps were rounded to a coarser unit: few different intervals, and no drift from even.
+    """Return True if even stamps were rounded to a coarser unit: few different intervals, and no drift from even.
 
     At 400 Hz in whole milliseconds the intervals are 2 and 3 ms, but the samples were taken every 2.5 ms.
     """
@@ -385,7 +385,8 @@ def _valid(times: np.ndarray, stamps: np.ndarray, step: float, bridge: float) ->
 def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarray:
     """Return a signal on the grid, shape (num_points,): by cubic splines, and by straight lines over long gaps.
 
-    values: the signal at all samples of the log, shape (num_samples,); command: if it is held between changes, hold it.
+    values: the signal at all samples of the log, shape (num_samples,); command: True to hold it between changes, where
+    it is held.
     """
     order = values[grid.order]
     if grid.on_grid and len(order) == len(grid.times):
@@ -410,7 +411,7 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
 
 
 def is_stairs(values: np.ndarray) -> bool:
-    """Return whether a signal, shape (num_samples,), is held between changes, as a command is that comes slowly."""
+    """Return True if a signal, shape (num_samples,), is held between changes, as a slow command is."""
     return bool(np.mean(np.diff(values) == 0) > 0.2)
 
 
@@ -420,20 +421,20 @@ def near(bridged: np.ndarray, reach: int) -> np.ndarray:
 
 
 def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
-    """Return True for samples after a gap up to the one by which the joint was in motion for `wait` samples.
+    """Return True for samples after a gap until the joint has been in motion for `wait` samples.
 
     A simulation leaves the gap elsewhere than the joint did; in motion the difference decays, at rest friction
-    preserves it. Where it would cost half of the samples, the shortest gaps are not waited for. bridged: in a gap;
-    moving: not at rest, shape (num_samples,) each.
+    preserves it. Where it would cost half of the samples, the shortest gaps are not waited for. bridged: True in a gap;
+    moving: True if not at rest, shape (num_samples,) each.
     """
-    found = np.zeros(len(bridged), bool)
+    excluded = np.zeros(len(bridged), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))
     moved = np.concatenate(([0], np.cumsum(moving)))
     # The longest first: there the simulation is furthest off.
     for _, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda gap: gap[0] - gap[1]):
         settled = int(np.searchsorted(moved, moved[end] + wait))
-        more = found.copy()
+        more = excluded.copy()
         more[end:settled] = True
         if (more & ~bridged).sum() <= 0.5 * (~bridged).sum():
-            found = more
-    return found & ~bridged
+            excluded = more
+    return excluded & ~bridged

@@ -64,7 +64,7 @@ def test_a_coefficient_has_one_friction_and_efforts_have_both() -> None:
 
 
 def test_newton_gets_one_friction() -> None:
-    """It reads no dynamic friction: that in motion stands under `friction`, and what holds at rest is told as left out.
+    """Newton reads no dynamic friction: `friction` holds the one in motion; a note names the omitted one at rest.
 
     The torque limit is what the actuator clips at, on both backends.
     """

@@ -1,4 +1,4 @@
-"""Which record each joint of a model takes."""
+"""Mapping of records to the joints of a model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_mapped_record_goes_where_it_was_sent_only() -> None:
     ],
 )
 def test_what_does_not_fit_is_refused(pairs: list[str], said: str) -> None:
-    """A record that went nowhere would be friction lost without a word."""
+    """Rejects a record without a joint."""
     with pytest.raises(StictionError, match=said.replace("*", r"\*")):
         map_joints(FILE, parse_joint_map(pairs), MODEL)
 
@@ -72,7 +72,7 @@ def test_a_pattern_takes_the_joints_that_can_have_friction(tmp_path: Path) -> No
 
 
 def test_a_pattern_leaves_out_what_no_motor_drives(tmp_path: Path) -> None:
-    """The friction of a joint would stand a second time in its backlash; named in full it takes the record."""
+    """A pattern leaves out joints without a motor, such as a backlash; a joint named in full takes the record."""
     done = written(tmp_path, "r.xml", BACKLASH, "x=*")
     assert done.joints == {"knee": "x"} and any("no actuator drives them: play" in note for note in done.notes)
     assert written(tmp_path, "r.xml", BACKLASH, "x=play").joints == {"play": "x"}

@@ -1,4 +1,4 @@
-"""What is written for MuJoCo is what MuJoCo then simulates."""
+"""Values written for MuJoCo are the values that MuJoCo simulates."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ def test_a_budget_under_which_friction_slips_is_raised() -> None:
 
 @pytest.mark.parametrize(("flag", "least", "most"), [("disable", 0.1, 1.0), ("enable", 9.99, 10.01)])
 def test_a_slide_whose_mass_is_its_rotor_hardly_brakes(flag: str, least: float, most: float) -> None:
-    """Of 10 N, 0.5 where the body of a slide has 1 mg and the rotor 1 kg; all of it with the exact diagonal."""
+    """Friction of 10 N acts as 0.5 N with a body of 1 mg and a rotor of 1 kg; fully with the exact diagonal."""
     body = '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/>'
     text = f'<mujoco><option><flag diagexact="{flag}"/></option><worldbody><body><joint name="s" type="slide"/>{body}'
     record = {"inertia": number(1.0), "viscous_friction": number(0.0), "coulomb_friction": number(10.0)}

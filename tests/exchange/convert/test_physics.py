@@ -1,4 +1,4 @@
-"""What a record gives a simulated joint: nothing counted twice, nothing made up, and a word for what is left out."""
+"""Parameters of a simulated joint from a record: each counted once, none invented, omissions noted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 
 def test_a_bare_motor_gives_everything() -> None:
-    """Its inertia is the rotor's; its friction is still a lower bound for the leg."""
+    """A bare motor has the rotor's inertia; its friction is still a lower bound for the leg."""
     found = joint_physics("shank", motor(), "FL_calf")
     assert (found.name, found.recorded) == ("FL_calf", "shank")
     assert (found.friction, found.damping, found.armature) == (0.4, 0.07, 0.03)
@@ -89,7 +89,7 @@ def test_pages_that_help_names_exist(verb: str, capsys: pytest.CaptureFixture) -
 
 
 def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
-    """The best symmetric fit of such a joint may have negative viscous friction: a simulated joint would be wrong."""
+    """A Stribeck joint has its law's friction: the best symmetric fit of one may have negative viscous friction."""
     law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.44).to_dict()}}
     law["parameters"]["viscous_friction"] = number(0.07).to_dict()
     record = motor(

@@ -1,4 +1,4 @@
-"""What is written for MuJoCo Playground, run in MJX where JAX is installed; elsewhere it is compiled alone."""
+"""Pages for MuJoCo Playground, run in MJX where JAX is installed, elsewhere only compiled."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_the_page_draws_friction_over_the_identified_damping(monkeypatch: pytest
     """The second function gets what the first one changed, and the friction of one robot that the model had."""
 
     class Model:
-        """As far as `mjx.Model` goes here."""
+        """Substitute for the used part of `mjx.Model`."""
 
         def __init__(self, **fields: Any) -> None:
             vars(self).update(fields)
@@ -168,7 +168,7 @@ def test_both_functions_of_the_page_act_together() -> None:
 
 @pytest.mark.parametrize(("joint", "said"), [("bare", "MJX makes friction rows where"), ("neck", "no joint 'neck'")])
 def test_what_would_not_act_is_refused(joint: str, said: str) -> None:
-    """Friction drawn for a joint whose model has none is lost in MJX without a word."""
+    """Rejects friction for a joint whose model has none, which MJX ignores."""
     draw = domain_randomize(ranges(**{joint: 10.0}))
     import jax
     import mujoco

@@ -51,7 +51,7 @@ def term(recipe: Recipe, to: Target, load: float | None = None, which: Which = "
 
 
 def run(text: str, **modules: ModuleType) -> dict[str, Any]:
-    """Run a text with stand-ins for what it imports; return what it defines."""
+    """Run a text with substitutes for its imports; return its names."""
     spaces = {name.replace("__", "."): module for name, module in modules.items()}
     before = {name: sys.modules.get(name) for name in spaces}
     sys.modules.update(spaces)
@@ -120,7 +120,7 @@ class Asset:
         return [4, 5, 6], names
 
     def write_joint_friction_coefficient_to_sim(self, **values: Any) -> None:
-        """Keep what is written."""
+        """Store the written values."""
         self.written = values
 
 
@@ -132,7 +132,7 @@ class ManagerTermBase:
 
 
 def drawn_in_isaac_lab(text: str) -> dict[str, Any]:
-    """Run an event in 300 robots, made and called as Isaac Lab's event manager does; return what it writes."""
+    """Run an event in 300 robots, made and called as by Isaac Lab's event manager; return the written values."""
     stand_ins = {
         "isaaclab": module(),
         "isaaclab__managers": module(EventTermCfg=SimpleNamespace, ManagerTermBase=ManagerTermBase),
@@ -160,9 +160,7 @@ APART = {"friction_ratio": {"value": 0.3}, "dynamic_ratio": {"value": 0.2}, "fri
 def test_isaac_lab_gets_friction_at_rest_and_in_motion_and_no_viscous(
     per: str, load: float | None, joints: dict[str, Any], moving: float
 ) -> None:
-    """Its own term would draw viscous friction from the range of the dry one; where rest and motion were told apart,
-    their ratio is that of the joint that sets the level.
-    """
+    """The term draws dry friction alone; its ratio at rest to in motion is that of the joint with the level."""
     training = TRAINING | {"friction": TRAINING["friction"] | {"per": per}, "joints": joints}
     recipe = recipe_of(training, LIMITS)
     written = drawn_in_isaac_lab(term(recipe, "isaaclab", load))
@@ -224,7 +222,7 @@ def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
     """At ten times EPSILON all of it, at rest none; joints that are not named have none."""
 
     class Robot:
-        """As far as legged_gym's LeggedRobot goes."""
+        """Substitute for legged_gym's LeggedRobot."""
 
         num_envs, num_dof, device = 200, 4, "cpu"
         dof_names = ("FL_hip", "FR_hip", "FL.calf", "neck")
@@ -254,7 +252,7 @@ def test_legged_gym_gets_values_too() -> None:
     """Dry and viscous friction off the torque, 0.4 + 2 * 0.07 N m at 2 rad/s, and the rotor's inertia."""
 
     class Robot:
-        """As far as legged_gym's LeggedRobot goes."""
+        """Substitute for legged_gym's LeggedRobot."""
 
         num_envs, num_dof, device = 3, 2, "cpu"
         dof_names = ("neck", "hip")

@@ -1,5 +1,5 @@
-"""What is written for trainers that are not installed here uses names that their sources have: classes, arguments and
-attributes, as `trainer_names.json` lists them with the version that they were read in.
+"""Names in texts for trainers that are not installed here: classes, arguments and attributes of the trainers' sources,
+as `trainer_names.json` lists them with the version that they were read in.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def problems(text: str, names: dict[str, Any]) -> list[str]:
 
 @pytest.mark.parametrize(("trainer", "version"), VERSIONS)
 def test_every_name_is_one_of_the_trainers(trainer: str, version: str) -> None:
-    """A misspelt argument would be met by who trains, for the trainer is not installed where this was written."""
+    """Each written name occurs in the trainer's sources."""
     for text in texts(trainer):
         assert problems(text, NAMES[trainer][version]) == [], text
 

@@ -49,7 +49,7 @@ def test_a_parser_reads_back_what_was_written() -> None:
 
 
 def test_mujoco_reads_it() -> None:
-    """Its loader takes damping and friction from a URDF."""
+    """MuJoCo's loader reads damping and friction from a URDF."""
     mujoco = pytest.importorskip("mujoco")
     done = patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint("hip"), joint("knee")])
     model = mujoco.MjModel.from_xml_string(done.text)
@@ -58,7 +58,7 @@ def test_mujoco_reads_it() -> None:
 
 
 def test_what_urdf_cannot_hold_is_said() -> None:
-    """The rotor; and what is null stays as it was."""
+    """Notes name the rotor, which a URDF cannot hold; null values stay unchanged."""
     done = patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint("hip", coulomb_friction=None)])
     assert any("no rotor inertia" in note and "0.03 is left out" in note for note in done.notes)
     assert "<dynamics  friction='9' damping=\"0.07\" />" in done.text

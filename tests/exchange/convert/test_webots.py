@@ -12,7 +12,7 @@ from stiction.exchange.webots_joints import parse_nodes, patch_webots, webots_sn
 
 
 def lines(text: str) -> list[str]:
-    """Return what is not comment."""
+    """Return the lines without comments."""
     return [line for line in text.splitlines() if not line.startswith("#")]
 
 

@@ -160,7 +160,7 @@ def test_what_cannot_follow_the_law_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_friction_drawn_under_the_law_is_refused(tmp_path: Path) -> None:
-    """The law would write over it without a word."""
+    """Rejects drawn friction, which the law overwrites."""
     JointsFile({"shank": motor()}).write(tmp_path / "joints.json")
     friction = {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
     write_training(tmp_path / "training.json", {"friction": friction, "range": [0.1, 0.24]})
@@ -190,7 +190,7 @@ def test_numbers_without_meaning_are_refused(changes: dict[str, float]) -> None:
 
 
 def test_robots_that_share_one_friction_are_refused() -> None:
-    """Without the event, all of them would have that of the last one."""
+    """Rejects shared memory: without the event all robots have the last one's friction."""
     cfg = leg_cfg(num_envs=2)
     joints = tuple(actuator(name, 1.0) for name in ("hip", "shank"))
     cfg.scene.entities["robot"] = replace(cfg.scene.entities["robot"], articulation=EntityArticulationInfoCfg(joints))

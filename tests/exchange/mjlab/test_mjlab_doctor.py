@@ -1,4 +1,4 @@
-"""What `stiction doctor --mjlab` measures: draws that act or do not, joints that hold or creep."""
+"""Measurements of `stiction doctor --mjlab`: draws with and without effect, joints that hold or creep."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_a_draw_into_memory_that_all_worlds_share_is_no_constant() -> None:
 
 
 def test_a_constant_of_ones_own_is_no_failure() -> None:
-    """It is told, as it is written again from any value; a field that is named and left alone is none."""
+    """A custom constant is named and passes; a named field that is never written fails."""
     cfg = leg_cfg(num_envs=8)
     cfg.events = {"constant": event(constant, "reset"), "idle": event(idle, "reset")}
     env = made(cfg)
@@ -162,7 +162,7 @@ def test_a_draw_of_a_small_part_of_its_range_does_not_act(tmp_path: Path, monkey
 
 
 def test_the_friction_law_is_no_draw() -> None:
-    """Its event prepares what the actuators write; a task with it passes."""
+    """The event of the friction law prepares the actuators; a task with it passes."""
     cfg = leg_cfg(num_envs=8)
     law = IdentifiedActuatorCfg(
         target_names_expr=(".*",), stiffness=20.0, damping=0.5, effort_limit=45.0, coulomb_friction=1.0
@@ -177,7 +177,7 @@ def test_the_friction_law_is_no_draw() -> None:
 
 
 def test_a_draw_of_ones_own_is_found_where_it_writes() -> None:
-    """Its range is unknown; the joint that it leaves alone is none of its own."""
+    """A custom draw is named where it writes, with an unknown range; an untouched joint is left out."""
     cfg = leg_cfg(num_envs=8)
     cfg.events = {"twice": event(twice, "reset")}
     (row,) = audit_draws(made(cfg))
@@ -189,7 +189,7 @@ def test_a_draw_of_ones_own_is_found_where_it_writes() -> None:
     ("budget", "verdict"), [((10, 20), "holds in training, not in MuJoCo on the CPU"), ((20, 50), "holds")]
 )
 def test_friction_as_stiff_as_the_timestep_allows_holds(tmp_path: Path, budget: tuple[int, int], verdict: str) -> None:
-    """As `friction_events` draws it; mjlab's own budget of the solver is enough for MuJoCo Warp, not for MuJoCo."""
+    """Friction of `friction_events` holds; mjlab's solver budget is enough for MuJoCo Warp, not for MuJoCo."""
     write_training(tmp_path / "training.json", TRAINING)
     cfg = leg_cfg(num_envs=8)
     cfg.events |= friction_events(tmp_path / "training.json")

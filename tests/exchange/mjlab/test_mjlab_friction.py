@@ -42,7 +42,7 @@ def drawn(folder: Path, per: str) -> tuple[torch.Tensor, torch.Tensor, torch.Ten
 
 
 def test_all_joints_of_a_robot_get_the_same_share(tmp_path: Path) -> None:
-    """Of joints with other limits too, which mjlab's terms would draw apart; robots differ; a reset draws its own."""
+    """Joints with different limits get the same share; robots differ, and a reset draws again."""
     told, before, after = drawn(tmp_path, "robot")
     torch.testing.assert_close(told, before)
     torch.testing.assert_close(before[:, 0], before[:, 1])
@@ -78,7 +78,7 @@ def test_a_ratio_of_rest_and_motion_is_drawn_too(tmp_path: Path) -> None:
 
 
 def test_a_proposal_without_friction_is_refused(tmp_path: Path) -> None:
-    """A range of zero would erase what the joints have."""
+    """Rejects a range of zero, which erases the joints' friction."""
     write_training(tmp_path / "training.json", {"friction": {"method": "none", "level": 0.0}, "range": [0.0, 0.0]})
     with pytest.raises(StictionError, match=r"method none proposes no friction to draw"):
         friction_events(tmp_path / "training.json")

@@ -34,7 +34,7 @@ def compiled(cfg: Any) -> mujoco.MjModel:
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_values_are_in_the_configuration_and_in_the_model(tmp_path: Path) -> None:
-    """Those of the other joint, and the gains, stay; the shared articulation is not changed."""
+    """The values of the other joint, the gains and the shared articulation stay unchanged."""
     before = leg_cfg()
     shared = before.scene.entities["robot"].articulation
     cfg = with_joints(before, written(tmp_path, shank=motor()))
@@ -52,7 +52,7 @@ def test_values_are_in_the_configuration_and_in_the_model(tmp_path: Path) -> Non
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_joints_of_one_actuator_that_differ_keep_their_own_values(tmp_path: Path) -> None:
-    """One configuration has one number for all its joints, and would give both the same."""
+    """Each joint keeps its own values, although one configuration has one number for all its joints."""
     cfg = leg_cfg()
     both = BuiltinPositionActuatorCfg(
         target_names_expr=(".*_joint",), stiffness=KP, damping=0.5, effort_limit=20.0, armature=0.02

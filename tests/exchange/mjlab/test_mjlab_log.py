@@ -98,7 +98,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_log_ends_where_its_robot_is_reset(tmp_path: Path) -> None:
-    """What comes after is another episode; a log that is long enough is there before the environment closes."""
+    """A log ends at a reset; a log that is long enough is written before the environment closes."""
     cfg = leg_cfg(decimation=2)
     paths = [tmp_path / "reset.csv", tmp_path / "logs" / "long.csv"]
     for path, seconds in zip(paths, (60.0, 0.05), strict=True):

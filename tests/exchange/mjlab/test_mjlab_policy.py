@@ -59,7 +59,7 @@ def trained(maker: str, folder: Path) -> tuple[Any, Path]:
 
 
 def ours(*arguments: object) -> str:
-    """Run our program with our interpreter and return what it says."""
+    """Run a program in this interpreter and return its output."""
     # Neither mjlab's packages nor its path reach the other interpreter; the code is this checkout's.
     environment = {key: value for key, value in os.environ.items() if key != "VIRTUAL_ENV"}
     environment["PYTHONPATH"] = str(ROOT / "src")
@@ -70,7 +70,7 @@ def ours(*arguments: object) -> str:
 
 
 def observed(env: Any, contract: Contract, builder: ObservationBuilder, action: torch.Tensor) -> np.ndarray:
-    """Return our observation of mjlab's robots, from what they measure."""
+    """Return our observation of mjlab's robots, from their readings."""
     data = env.scene["robot"].data
     sensors = Sensors(
         quaternion=data.root_link_quat_w.numpy().astype(float),

@@ -21,7 +21,7 @@ PROJECT = Path(__file__).parents[3] / "pyproject.toml"
 
 
 def test_the_entry_point_registers_both_tasks() -> None:
-    """As mjlab does at its import, and a second time, which is no error."""
+    """Registration works at mjlab's import and a second time."""
     (value,) = tomllib.loads(PROJECT.read_text())["project"]["entry-points"]["mjlab.tasks"].values()
     import_module(value)
     assert {"Stiction-Velocity-Flat-Unitree-Go1", "Stiction-Velocity-Flat-Unitree-G1"} <= set(list_tasks())

@@ -1,4 +1,4 @@
-"""Networks of others: what is taken of their ONNX files, and what is refused by name."""
+"""Foreign networks: the accepted part of their ONNX files, and rejections by name."""
 
 from pathlib import Path
 from typing import Any
@@ -84,7 +84,7 @@ def recurrent() -> bytes:
     ],
 )
 def test_what_cannot_be_taken_is_refused_by_name(make, message: str) -> None:
-    """A policy with a state of its own would walk without it, and badly."""
+    """Rejects unsupported networks by name, such as a policy with internal state."""
     with pytest.raises(BundleError, match=message):
         read_foreign(make(), "theirs.onnx")
 
@@ -112,7 +112,7 @@ SEEN = np.array([[1.0, -2.0, 3.0, 0.5]], dtype=np.float32)
 
 
 def computed(model: bytes) -> np.ndarray:
-    """Return what a network gives for `SEEN` once it is ours."""
+    """Return the actions of an imported network for `SEEN`."""
     check_model(model, 4, 2)
     return np.asarray(Network(model, 4, 2)(SEEN))
 
@@ -127,7 +127,7 @@ def test_versions_of_years_are_read(opset: int, layout: int) -> None:
 
 
 def test_axes_that_were_attributes_are_inputs_now() -> None:
-    """Of version 11: over its norm the observation, split and put together again."""
+    """Axes are attributes in operator set 11, and become inputs: a normalised observation, split and joined again."""
     nodes = [
         ("ReduceSum", "square", "sum", {"axes": [1], "keepdims": 0}),
         ("Sqrt", "sum", "root", {}),

@@ -13,7 +13,7 @@ from stiction.deploy.check import replay
 from stiction.deploy.policy import load_policy
 from stiction.exchange.policies.description import contract_of
 from stiction.exchange.policies.exporter import export_to
-from stiction.exchange.policies.importer import read_network, said_of
+from stiction.exchange.policies.importer import describe_policy, read_network
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
 from stiction.files.observation import FRAMES, ObservationLayout, Term, proprioception
@@ -54,7 +54,7 @@ def read_back(folder: Path, made: Contract) -> tuple[Contract, bytes]:
     robot = made.anatomy
     assert robot is not None
     return contract_of(
-        said_of(network, path.name, settings, Derived(robot)), robot, (path.name, data), "r", "c"
+        describe_policy(network, path.name, settings, Derived(robot)), robot, (path.name, data), "r", "c"
     ), network.write()
 
 
@@ -68,7 +68,7 @@ NATIVE = {
 @pytest.mark.parametrize("to", ["deploy.yaml", "rl_sar", "mjlab"])
 @pytest.mark.parametrize("layout", NATIVE.values(), ids=NATIVE)
 def test_a_policy_comes_back_as_it_went(to: str, layout: ObservationLayout, tmp_path: Path) -> None:
-    """Its actions on the golden vectors are the same to 1e-6: scales, order, gains and histories are in the files."""
+    """Actions on the golden vectors agree to 1e-6: scales, order, gains and histories are in the files."""
     made = contract(replace(layout, fill="zero" if to == "rl_sar" else "first"), action_clip=0.5)
     bundle = read_bundle(make_bundle(tmp_path / "bundle", made, make_network(made, gain=0.05)))
     done = export_to(tmp_path / "bundle", tmp_path / "out", to)
@@ -103,7 +103,7 @@ def test_our_own_policies_go_out_with_an_adapter(to: str, tmp_path: Path) -> Non
     ],
 )
 def test_what_a_target_cannot_hold_is_refused(made, to: str, message: str, tmp_path: Path) -> None:
-    """A file that leaves something out is a policy that nobody trained."""
+    """Rejects a policy that the target format cannot hold completely."""
     make_bundle(tmp_path / "bundle", made())
     with pytest.raises(StictionError, match=message):
         export_to(tmp_path / "bundle", tmp_path / "out", to)

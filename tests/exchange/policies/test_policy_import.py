@@ -1,4 +1,4 @@
-"""What files of others say of a policy, and the bundle that comes of it."""
+"""Descriptions of foreign policies, and the bundles made of them."""
 
 import math
 import re
@@ -14,13 +14,13 @@ from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
 from stiction.deploy.network_file import FLOAT, NetworkFile, Node, Port
 from stiction.evaluation.summary import other_limits
-from stiction.exchange.policies.description import Said, contract_of, merged, missing, require
+from stiction.exchange.policies.description import PolicySpec, contract_of, merged, missing, require
 from stiction.exchange.policies.importer import import_policy
-from stiction.exchange.policies.mjlab import said_by_mjlab
+from stiction.exchange.policies.mjlab import read_mjlab
 from stiction.exchange.policies.onnx_file import constant, write_network
-from stiction.exchange.policies.rl_sar import said_by_rl_sar
-from stiction.exchange.policies.settings import said_in_settings
-from stiction.exchange.policies.unitree import said_in_deploy
+from stiction.exchange.policies.rl_sar import read_rl_sar
+from stiction.exchange.policies.settings import read_settings
+from stiction.exchange.policies.unitree import read_deploy
 from stiction.robots.catalog import find_robot
 from stiction.robots.named import reordered
 
@@ -28,7 +28,7 @@ OWN = "control_period: 0.02\naction_clip: none\n"
 
 
 def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
-    """Its scales, clips, histories and gains are those of the metadata, and what they lack was said."""
+    """Scales, clips, histories and gains are the metadata's, the rest is the user's."""
     model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
     said = written(tmp_path / "own.yaml", OWN)
     check = import_policy(model, ROBOT, tmp_path / "bundle", [said])
@@ -46,21 +46,21 @@ def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
 
 
 def test_what_nobody_says_is_asked_for_by_name(tmp_path: Path) -> None:
-    """A scale, an order or a period that is guessed gives a robot that walks badly, and blames its joints."""
+    """Asks by name for a missing scale, order or period."""
     model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
     with pytest.raises(StictionError, match=r"control_period: time between two actions.*action_clip: bound"):
         import_policy(model, ROBOT, tmp_path / "bundle")
-    bare = said_in_settings({"observation": [{"term": "last_action", "history": 3}], "action_clip": 5}, "own")
+    bare = read_settings({"observation": [{"term": "last_action", "history": 3}], "action_clip": 5}, "own")
     asked = {"history_layout", "history_direction", "history_fill", "last_action", "kp", "joint_names"}
     assert asked <= set(missing(bare))
     with pytest.raises(StictionError, match="before it is cut off at 5"):
         require(full(last_action="raw", action_clip=5.0), "files")
 
 
-def full(**changes) -> Said:
+def full(**changes) -> PolicySpec:
     """Return a policy of which all is said."""
-    said = merged(said_by_mjlab(MJLAB, "theirs"), said_in_settings(yaml.safe_load(OWN), "own"))
-    return merged(said, Said(**changes))
+    said = merged(read_mjlab(MJLAB, "theirs"), read_settings(yaml.safe_load(OWN), "own"))
+    return merged(said, PolicySpec(**changes))
 
 
 def test_a_wrong_size_says_what_was_made_of_the_words(tmp_path: Path) -> None:
@@ -87,12 +87,12 @@ observations:
   velocity_commands: {{params: {{command_name: base_velocity}}, clip: null, scale: [1, 1, 1], history_length: 5}}
   gait_phase: {{params: {{period: 0.8}}, clip: null, scale: [1, 1], history_length: 1}}
 """
-"""Of unitree_rl_lab: joints side by side, gains in the maker's order, leg by leg."""
+"""Settings of unitree_rl_lab: joints side by side, gains in the maker's order, leg by leg."""
 
 
 def test_a_deploy_yaml_by_hand() -> None:
     """The policy's second joint is the maker's first, whose gain is the first; its clip is before the scale."""
-    said = said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS)
+    said = read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS)
     assert said.joint_names is not None and said.joint_names[:2] == (JOINTS[3], JOINTS[0])
     assert said.kp == (23, 20, 26, 29, 24, 21, 27, 30, 25, 22, 28, 31)
     assert said.observation is not None and said.observation[0].bound() == pytest.approx(20.0)
@@ -112,7 +112,7 @@ def test_a_deploy_yaml_without_its_joints_is_refused(entry: str, tmp_path: Path)
 def test_a_policy_with_another_order_gets_the_robot_in_its_order() -> None:
     """Joints side by side in place of leg by leg: each stays on its own link, with its own limits."""
     robot = find_robot(ROBOT)
-    said = merged(full(), said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
+    said = merged(full(), read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
     contract = contract_of(said, robot, ("n", b""), "r", "c")
     assert contract.joint_names[:2] == (JOINTS[3], JOINTS[0]) and contract.anatomy is not None
     for name, link in zip(contract.joint_names, contract.anatomy.links, strict=True):
@@ -152,7 +152,7 @@ RL_SAR = {
 
 def test_an_rl_sar_config_by_hand() -> None:
     """The policy's first joint is the fourth of the robot's list; six whole frames, the oldest first."""
-    said = said_by_rl_sar(RL_SAR, "config.yaml")
+    said = read_rl_sar(RL_SAR, "config.yaml")
     require(said, "config.yaml")
     assert said.joint_names == JOINTS and said.control_period == pytest.approx(0.02)
     contract = contract_of(said, find_robot(ROBOT), ("n", b""), "r", "c")
@@ -177,9 +177,9 @@ def test_an_rl_sar_config_by_hand() -> None:
     ],
 )
 def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> None:
-    """Half a policy would be worse than none."""
+    """Rejects a policy that a contract cannot hold completely."""
     with pytest.raises(StictionError, match=message):
-        said_by_rl_sar(RL_SAR | change, "config.yaml")
+        read_rl_sar(RL_SAR | change, "config.yaml")
 
 
 def named(tmp_path: Path, **changes: object) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Presets: what a trainer's standard velocity task observes and does, where a network's files do not say it."""
+"""Presets: observation and action of a trainer's standard velocity task, for networks without a description."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from quads import quad
 from stiction.cli.import_policy import Import
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.exchange.policies.description import Said, contract_of
-from stiction.exchange.policies.importer import read_network, said_of
+from stiction.exchange.policies.description import PolicySpec, contract_of
+from stiction.exchange.policies.importer import describe_policy, read_network
 from stiction.exchange.policies.presets import PRESETS, by_breadth, by_depth
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
@@ -28,11 +28,11 @@ LIMBS = {legs: tuple(f"{leg}_{part}_joint" for leg in order for part in PARTS) f
 LEVELS = tuple(f"{leg}_{part}_joint" for part in PARTS for leg in LEGS["name"])
 
 
-def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> Said:
-    """Return what is said of a network without metadata, or with them, and with our settings."""
+def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> PolicySpec:
+    """Return the description of a network, with or without metadata, and with our settings."""
     path = written(tmp_path / "net.onnx", network(size, metadata=metadata or None))
     settings = [written(tmp_path / "own.yaml", own)] if own else []
-    return said_of(read_network(path)[1], path.name, settings, find_derived(robot), preset)
+    return describe_policy(read_network(path)[1], path.name, settings, find_derived(robot), preset)
 
 
 def contract(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> Contract:
@@ -170,7 +170,7 @@ def test_a_size_of_joints_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     """18 actions make other sizes: 66 and 253."""
     path = written(tmp_path / "net.onnx", network(48, 18))
     with pytest.raises(StictionError, match=r"48 inputs and 18 actions, expected 66 \(flat\) or 253"):
-        said_of(read_network(path)[1], path.name, [], find_derived("saturn_lite"), "isaaclab")
+        describe_policy(read_network(path)[1], path.name, [], find_derived("saturn_lite"), "isaaclab")
 
 
 def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
@@ -180,10 +180,10 @@ def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
     for preset, settings, whose in (
         ("isaaclab", [], "go2 drives 12"),
         (None, [], "go2 drives 12"),
-        ("isaaclab", [one], "what is said of it names 1"),
+        ("isaaclab", [one], "its description names 1"),
     ):
         with pytest.raises(StictionError, match=f"net.onnx: the network gives 18 actions, {whose} joints; expected"):
-            said_of(read_network(path)[1], path.name, settings, find_derived("go2"), preset)
+            describe_policy(read_network(path)[1], path.name, settings, find_derived("go2"), preset)
 
 
 def test_metadata_win_over_the_preset_and_settings_over_both(tmp_path: Path) -> None:
@@ -213,7 +213,7 @@ def test_heights_of_metadata_come_from_the_preset(tmp_path: Path) -> None:
     [(MJLAB, "mjlab"), ({"dof_names": "[]", "kp": "[]", "kd": "[]"}, "holosoma")],
 )
 def test_a_preset_of_another_trainer_is_refused(tmp_path: Path, metadata: dict[str, str], trainer: str) -> None:
-    """Half of one trainer and half of another is a policy of nobody."""
+    """Rejects a preset of another trainer."""
     with pytest.raises(StictionError, match=f"got isaaclab, and the metadata of net.onnx are {trainer}'s"):
         said(tmp_path, "isaaclab", 63, **metadata)
 
@@ -226,7 +226,7 @@ def test_gains_that_a_trainer_does_not_have_are_asked_for(tmp_path: Path) -> Non
 
 
 def test_a_robots_own_file_says_its_gains(tmp_path: Path) -> None:
-    """Its servo has kp 35 and no kd, and a keyframe: mjlab alone has a rule for kd, 2 · 2 · 0.005 · 2π · 10."""
+    """The servo has kp 35 and no kd, and a keyframe: mjlab alone has a rule for kd, 2 · 2 · 0.005 · 2π · 10."""
     robot = written(tmp_path / "robot.xml", quad('armature="0.005"', '<position kp="35" forcerange="-30 30"', (-2, 2)))
     with pytest.raises(StictionError, match=r"--settings: kd: derivative gains [^;]*$"):
         said(tmp_path, "legged_gym", 48, str(robot))
@@ -284,7 +284,7 @@ def test_a_standard_deploy_yaml_and_the_preset_say_the_same(tmp_path: Path) -> N
 
 
 def test_metadata_of_mjlab_and_the_preset_agree_on_its_go1(tmp_path: Path) -> None:
-    """What mjlab 1.6 writes for its flat Go1, rounded to three decimals."""
+    """The preset equals the metadata of mjlab 1.6 for its flat Go1, rounded to three decimals."""
     metadata = MJLAB | {
         "joint_stiffness": ",".join(["15.895,15.895,35.764"] * 4),
         "joint_damping": ",".join(["1.012,1.012,2.277"] * 4),

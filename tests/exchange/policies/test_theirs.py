@@ -1,4 +1,4 @@
-"""Four walking policies that nobody here trained, on robots that nobody here made.
+"""Four public walking policies on robots that are not part of this project.
 
 Unpacked side by side into the folder that STICTION_ROBOTS names: holosoma-inference 0.1.3 (the networks) and holosoma
 0.0.3 (G1 and T1), see `tests/robots/test_strangers.py`; `results/others` evaluates them under friction.

@@ -38,7 +38,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def program(project: Path) -> ModuleType:
-    """The controller program of the project, the file that Webots' launcher would start."""
+    """Return the controller program of the project, as started by Webots' launcher."""
     path = project / "controllers/stiction_policy/stiction_policy.py"
     module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("exported", path))
     sys.modules["exported"] = module  # dataclasses look their module up
@@ -83,7 +83,7 @@ def walks(golden: Golden) -> list[tuple[int, Golden]]:
 def test_the_targets_are_the_golden_vectors(
     project: Path, program: ModuleType, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this failed, Webots would run another policy: order of joints, frames, quaternion, rates or offsets."""
+    """The controller computes the targets of the golden vectors, at their rates."""
     golden, contract = bundle.golden, bundle.contract
     walked = slice(0, walked_steps(golden))
     targets, torques = np.full_like(golden.target, np.nan), np.full_like(golden.target, np.nan)
@@ -91,7 +91,7 @@ def test_the_targets_are_the_golden_vectors(
     for first, record in walks(golden):
 
         def torque(self, sensors, command, first=first):
-            """Give the recorded command and the recorded last action, as `stiction verify` does; note what came out."""
+            """Set the recorded command and last action, as `stiction verify` does; store the result."""
             due, now = self.due, first + self.steps // contract.decimation
             result = original(self, sensors, golden.command[now])
             if due:
@@ -118,7 +118,7 @@ def test_the_targets_are_the_golden_vectors(
 def test_the_policy_acts_once_a_period_and_the_joint_controller_at_every_step(
     project: Path, program: ModuleType, bundle: Bundle
 ) -> None:
-    """If this failed, the joints would be held at 50 Hz, or the policy would act at the physics' rate."""
+    """The policy acts once per control period, the joint controller at every physics step."""
     (_, record), *_ = walks(bundle.golden)
     loop = program.PolicyLoop(bundle.contract, program.load_policy(bundle.contract, bundle.policy))
     robot = Robot(robot_in(project), 5.0, playback(bundle, record))
@@ -134,7 +134,7 @@ def test_the_policy_acts_once_a_period_and_the_joint_controller_at_every_step(
 def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
     program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this failed, the controller would know one robot, not what the bundle says of any."""
+    """A toy robot with other gains is driven with its contract's gains."""
     contract = make_contract("go2@kp=0.25", control_period=0.01, decimation=2)  # kp 10 and, by the root of it, kd 0.5
     done = export_webots(make_bundle(tmp_path / "toy", contract), tmp_path / "project", WebotsCfg(0.1))
     assert "to 3.1 |" in (done.path / "README.md").read_text()
@@ -143,7 +143,7 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
     original = program.PolicyLoop.torque
 
     def spy(self, sensors, command):
-        """Give the recorded command; note what came out."""
+        """Set the recorded command; store the result."""
         due, torque = self.due, original(self, sensors, record.command[0])
         seen.append((due, torque, self.target))
         return torque
@@ -160,7 +160,7 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
 
 
 def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) -> list[np.ndarray]:
-    """Return the list to which every step of the loop adds what is noted of its sensors and its command."""
+    """Return the list that receives a note on sensors and command of every step."""
     seen, original = [], program.PolicyLoop.torque
     monkeypatch.setattr(
         program.PolicyLoop,
@@ -171,7 +171,7 @@ def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) 
 
 
 def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bundle: Bundle) -> None:
-    """If this failed, a robot on its back would count as one that stands still."""
+    """A fall ends the walk with a message."""
     (_, record), *_ = walks(bundle.golden)
     angle = np.where(np.arange(len(record)) < 10, np.radians(59), np.radians(61))
     rolled = np.stack([np.cos(angle / 2), np.sin(angle / 2), *np.zeros((2, len(record)))], -1)
@@ -194,7 +194,7 @@ def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bu
     ],
 )
 def test_what_does_not_fit_is_refused(project: Path, program: ModuleType, bundle: Bundle, change, message: str) -> None:
-    """If this failed, a robot without rotor inertia, or another robot, would walk and be believed."""
+    """Rejects a robot without rotor inertia, and another robot."""
     (_, record), *_ = walks(bundle.golden)
     copy = replace(record, **{name: getattr(record, name).copy() for name in ("joint_position", "angular_velocity")})
     robot = Robot(robot_in(project), 5.0, playback(bundle, copy))
@@ -204,7 +204,7 @@ def test_what_does_not_fit_is_refused(project: Path, program: ModuleType, bundle
 
 
 def test_the_program_runs_without_torch_and_without_a_simulator(project: Path, tmp_path: Path) -> None:
-    """If this failed, the machine with Webots would need what training needs; the whole program, as it is started."""
+    """The whole program runs without torch and MuJoCo, as it is started."""
     (tmp_path / "controller.py").write_text(FAKE.format(project=str(project)))
     argv = [str(project / "controllers/stiction_policy/stiction_policy.py"), "--seconds", "3", "--command", "vx=0.3"]
     path = [str(tmp_path), str(Path(__file__).parents[2] / "helpers"), *sys.path]

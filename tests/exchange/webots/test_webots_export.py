@@ -1,4 +1,4 @@
-"""The project as a whole: its folders, what is refused, the verb, and that it says that nobody has run it."""
+"""Exported project: its folders, rejections, the verb, and its note that it was never run."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_folder_is_a_project_of_webots_with_the_bundle_within(project: Path) -> None:
-    """If this failed, Webots would not find a part: it looks for each in a folder of its own name."""
+    """Each part lies in the folder where Webots looks for it."""
     assert sorted(path.relative_to(project).as_posix() for path in project.rglob("*") if path.is_file()) == FILES
     copy, source = (check_bundle(path).bundle for path in (project / BUNDLE, shipped_bundles()[SHIPPED]))
     assert copy.digest == source.digest
@@ -53,7 +53,7 @@ def test_the_folder_is_a_project_of_webots_with_the_bundle_within(project: Path)
 
 
 def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> None:
-    """If this failed, the table by which friction is set by hand would be wrong."""
+    """The table of friction torques in the readme is complete and right."""
     text = (project / "README.md").read_text()
     assert "| `shankFriction` | 45 | 4.5 | 4.5 | 9 | 13.5 |" in text
     assert "{" not in text.replace("`{", "")
@@ -62,7 +62,7 @@ def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> N
 def test_a_project_is_written_whole_or_not_at_all(
     bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this failed, half a project would lie there after an error, and the next export refuse to touch it."""
+    """A failed export leaves no folder, so that the next one works."""
     (tmp_path / "there").mkdir()
     with pytest.raises(StictionError, match="exists already"):
         export_webots(bundle, tmp_path / "there")
@@ -85,7 +85,7 @@ def test_a_project_is_written_whole_or_not_at_all(
     ],
 )
 def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message: str) -> None:
-    """If this failed, controller and PROTO would disagree about angles, or the world step at another rate."""
+    """Rejects angles and steps that controller and world cannot share."""
     spec = find_robot("saturn_lite")
     check_fit(spec, make_contract())
     with pytest.raises(StictionError, match=message):
@@ -93,7 +93,7 @@ def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message:
 
 
 def test_the_verb_exports_a_shipped_bundle_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a script could not read what was written; JSON is all there is on standard output."""
+    """The verb exports a shipped bundle by its name; standard output is JSON alone."""
     out = tmp_path / "project"
     options = ["--out", str(out), "--friction-level", "0.2", "--step-height", "0.12", "--json"]
     assert main(["export", SHIPPED, "--to", "webots", *options]) == 0
@@ -106,7 +106,7 @@ def test_the_verb_exports_a_shipped_bundle_by_its_name(tmp_path: Path, capsys: p
 
 
 def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a run would be taken for a broken bundle."""
+    """A run is exported through its bundle."""
     run = tmp_path / "run"
     run.mkdir()
     (run / "config.json").write_text("{}")

@@ -11,7 +11,7 @@ from stiction.files.velocity import parse_command
 
 
 def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:
-    """If this failed, the share of the command that is printed could not be set beside that of `stiction evaluate`.
+    """Speed is measured along the command in the robot's frame, as in `stiction evaluate`.
 
     Facing along y, 1 cm forward and 4 mm to the left (along -x) in each 20 ms: 0.5 and 0.2 m/s, and 0.3 rad/s.
     """

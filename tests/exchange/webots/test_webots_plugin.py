@@ -48,7 +48,7 @@ void dJointSetAMotorAxis(dJointID, int, int, dReal, dReal, dReal);
 void dJointSetAMotorParam(dJointID, int, dReal);
 #endif
 """
-"""What the plugin uses of ODE 0.16's headers in double precision; Webots has its own."""
+"""Part of ODE 0.16's headers used by the plugin, in double precision; Webots has its own."""
 
 WEBOTS = """
 void webots_physics_init(void);
@@ -58,7 +58,7 @@ dBodyID dWebotsGetBodyFromDEF(const char *);
 void dWebotsSend(int channel, const void *buffer, int size);
 void dWebotsConsolePrintf(const char *format, ...);
 """
-"""What it uses of Webots' include/plugins/physics.h."""
+"""Part of Webots' include/plugins/physics.h used by the plugin."""
 
 HARNESS = """
 #include <ode/ode.h>
@@ -86,7 +86,7 @@ void dWebotsConsolePrintf(const char *format, ...) {
   va_end(arguments);
 }
 """
-"""Stands in for Webots: bodies by their names, and what the plugin says."""
+"""Substitute for Webots: bodies by their names, and the plugin's messages."""
 
 needs_compiler = pytest.mark.skipif(
     COMPILER is None, reason="a C compiler (cc, gcc or clang) is needed to build the plugin"
@@ -122,7 +122,7 @@ def load_plugin(folder: Path) -> ctypes.CDLL:
 
 
 def said_by(plugin: ctypes.CDLL) -> str:
-    """Return what the plugin has printed to Webots' console."""
+    """Return the lines printed by the plugin to Webots' console."""
     return (ctypes.c_char * 1000).in_dll(plugin, "said").value.decode()
 
 
@@ -171,7 +171,7 @@ static const struct { const char *parent, *child; double inertia; } TABLE[JOINTS
 
 
 def sources(folder: Path, table: str | None = None) -> Path:
-    """Write the plugin's files for a robot, or for another table of joints, and what it takes to compile them."""
+    """Write the plugin's files for a robot, or for another table of joints, and the files to compile them."""
     files = plugin_files(find_robot("saturn_lite"), make_contract())
     for name, text in (files if table is None else files | {"joints.h": table}).items():
         (folder / name).write_text(text)
@@ -180,7 +180,7 @@ def sources(folder: Path, table: str | None = None) -> Path:
 
 @pytest.mark.parametrize("name", ["saturn_lite", "go2", "g1"])
 def test_the_table_has_every_joint_with_the_inertia_of_the_contract(name: str) -> None:
-    """If this failed, a joint would turn without its rotor, or with another's."""
+    """The table has every joint with the contract's inertia."""
     spec = find_robot(name)
     armature = tuple(0.001 * (k + 1) for k in range(spec.num_joints))
     text = write_table(spec, make_contract(name, armature=armature, physics_timestep=0.004, control_period=0.016))
@@ -196,7 +196,7 @@ def test_the_table_has_every_joint_with_the_inertia_of_the_contract(name: str) -
 
 @needs_compiler
 def test_the_plugin_compiles_without_a_warning(tmp_path: Path) -> None:
-    """If this failed, `make` in the exported project would fail, and Webots would run without rotor inertia."""
+    """The exported plugin compiles without a warning."""
     compiled(sources(tmp_path), "-fsyntax-only", "rotor_inertia.c")
 
 
@@ -204,7 +204,7 @@ class Scene:
     """Three bodies in a row, floating, two hinges along z between them, in ODE, and the plugin on them."""
 
     INERTIA = (0.5, 0.0077, 0.004)
-    """Of the bodies about z [kg m²]."""
+    """Inertia of the bodies about z [kg m²]."""
 
     def __init__(self, library: ctypes.CDLL, plugin: ctypes.CDLL, known: int = 3) -> None:
         """`known`: how many of the bodies the stand-in of Webots finds by their names."""
@@ -263,7 +263,7 @@ def expected(torques: tuple[float, float], rotors: tuple[float, float], time: fl
 
 @needs_compiler
 def test_joints_accelerate_as_with_rotors(built: tuple[ctypes.CDLL, ctypes.CDLL]) -> None:
-    """If this failed, the plugin would add another inertia, to another joint, or brake."""
+    """Joints accelerate with the inertia of their own rotor."""
     scene, torques = Scene(*built), (0.4, -0.15)
     free = scene.turn(torques, 1)
     assert free == pytest.approx(expected(torques, (0.0, 0.0), 0.002), rel=1e-9)
@@ -277,7 +277,7 @@ def test_joints_accelerate_as_with_rotors(built: tuple[ctypes.CDLL, ctypes.CDLL]
 
 @needs_compiler
 def test_the_plugin_says_that_it_acts_or_what_is_missing(built: tuple[ctypes.CDLL, ctypes.CDLL]) -> None:
-    """If this failed, the controller would walk a robot without rotor inertia, or refuse one that has it."""
+    """The plugin reports that it acts, or the missing part."""
     scene = Scene(*built)
     scene.plugin.webots_physics_init()
     scene.turn((0.0, 0.0), 3)

@@ -45,7 +45,7 @@ def joints(robot: Read) -> dict[str, tuple[Read, dict[str, Read]]]:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_joints_have_their_names_limits_and_damping(name: str, tmp_path: Path) -> None:
-    """If this failed, the controller would not find a motor, or a knee would bend beyond its stop."""
+    """Every motor has its name, limits and damping."""
     spec = find_robot(name)
     damping = tuple(0.01 * (k + 1) for k in range(spec.num_joints))
     found = joints(export(tmp_path, name, damping=damping))
@@ -72,7 +72,7 @@ FIELDS = {
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_friction_is_a_field_for_each_kind_of_joint(name: str, tmp_path: Path) -> None:
-    """If this failed, the friction that a world names would act in another joint, or in none."""
+    """The friction fields of a world act in the joints of their kind."""
     spec, fields = find_robot(name), FIELDS[name]
     path = tmp_path / f"{proto_name(name)}.proto"
     path.write_text(write_proto(spec, make_contract(name)))
@@ -87,7 +87,7 @@ def test_friction_is_a_field_for_each_kind_of_joint(name: str, tmp_path: Path) -
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_link_is_where_and_what_it_is_in_mujoco(name: str, tmp_path: Path) -> None:
-    """If this failed, another robot would walk in Webots: mass, centre, inertia and axes, in bent poses too."""
+    """Mass, centre, inertia and axes of every link are MuJoCo's, in bent poses too."""
     from stiction.robots.mjcf import build_model
 
     spec, robot = find_robot(name), export(tmp_path, name)
@@ -124,7 +124,7 @@ def odd_shapes() -> Robot:
 
 
 def test_a_hull_is_triangles_that_look_outward(tmp_path: Path) -> None:
-    """If this failed, ODE would push a robot's sole into the ground: its contacts lie on the side that faces look to.
+    """The triangles of a hull face outward, as ODE's contacts need.
 
     The volume within the triangles, from their signed tetrahedra: a pyramid of 0.1 x 0.1 m, 0.05 m high.
     """
@@ -139,7 +139,7 @@ def test_a_hull_is_triangles_that_look_outward(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_names_are_unique_and_allowed(name: str, tmp_path: Path) -> None:
-    """If this failed, the controller or the plugin would get another device or link than it asked for."""
+    """Names are unique and allowed."""
     robot = export(tmp_path, name)
     solids = [
         *robot.every("Solid"),
@@ -153,7 +153,7 @@ def test_names_are_unique_and_allowed(name: str, tmp_path: Path) -> None:
 
 
 def test_a_link_of_any_name_can_be_found(tmp_path: Path) -> None:
-    """If this failed, a maker's name with a dot or a quote would hide a link from the plugin, or break out of C."""
+    """The plugin finds a link whose name has a dot or a quote."""
     spec = find_robot("go2")
     names = {0: "leg.front", 1: "2nd", 2: 'a"}, {"b'}
     links = tuple(replace(link, name=names.get(k, link.name)) for k, link in enumerate(spec.links))

@@ -1,4 +1,4 @@
-"""What is written is what Webots' language says, and the reader that judges it finds mistakes."""
+"""Writer and reader of Webots' language; the reader finds mistakes."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from webots_files import WebotsSyntaxError, read_proto, read_world
     ],
 )
 def test_values_are_written_as_webots_reads_them(value, text: str) -> None:
-    """If this failed, Webots would skip a field, or read another number than was meant."""
+    """Values are written in the forms that Webots reads."""
     assert write(value) == text
 
 
 def test_what_was_written_can_be_read(tmp_path: Path) -> None:
-    """If this failed, writer and reader would not speak the same language."""
+    """The reader accepts the writer's text."""
     box = Node("Box", {"size": (1.0, 2.0, 0.1)})
     solid = Node("Solid", {"translation": (0.0, 0.0, 1e-3), "name": 'the "box"', "boundingObject": box}, "BOX")
     (tmp_path / "a.wbt").write_text(f"{HEADER}\n# about\n{write(solid)}\n")
@@ -44,7 +44,7 @@ def test_what_was_written_can_be_read(tmp_path: Path) -> None:
 
 
 def test_a_proto_is_read_with_its_interface(tmp_path: Path) -> None:
-    """If this failed, a field of the robot could be bound to nothing, and friction would stay what it was."""
+    """A PROTO is read with its interface; unbound fields are found."""
     text = f"{HEADER}\nPROTO Thing [\n  field SFFloat drag 2\n]\n{{\n  HingeJoint {{ jointParameters "
     text += "HingeJointParameters { staticFriction IS drag } }\n}\n"
     (tmp_path / "Thing.proto").write_text(text)

@@ -70,7 +70,7 @@ class MujocoPhysics:
 
 @pytest.mark.parametrize("command", ["vx=-0.5", "wz=0.5"])
 def test_the_controller_walks_and_turns_in_mujoco(project: Exported, command: str) -> None:
-    """If this failed, a sign, an offset or a frame in the closed loop would be wrong, whatever the recordings say."""
+    """The controller walks and turns in MuJoCo's closed loop."""
     nodes = read_world(project.path / "worlds/flat.wbt")
     reached = share_reached(
         project, nodes, MujocoPhysics(project, robot_of(nodes)), ControllerCfg(command, seconds=3.0)

@@ -37,7 +37,7 @@ def only(nodes: list[Read], kind: str) -> Read:
 
 
 def test_contacts_do_not_bounce_and_the_step_is_that_of_training(tmp_path: Path) -> None:
-    """If this failed, feet would bounce (Webots' default is 0.5), or the joint controller run at another rate."""
+    """Feet do not bounce (Webots' default is 0.5), and the step is the contract's."""
     info = only(world(tmp_path, physics_timestep=0.004, control_period=0.016), "WorldInfo")
     assert (info["basicTimeStep"], info["physics"]) == (4.0, "rotor_inertia")
     (contact,) = info["contactProperties"]
@@ -50,7 +50,7 @@ def test_contacts_do_not_bounce_and_the_step_is_that_of_training(tmp_path: Path)
     ("name", "step_height"), [("saturn_lite", 0.0), ("saturn_lite", 0.12), ("go2", 0.0), ("g1", 0.1)]
 )
 def test_the_robot_stands_on_its_feet_before_the_stairs(tmp_path: Path, name: str, step_height: float) -> None:
-    """If this failed, it would start in the air or in the ground, or amid the stairs, or the plugin not find it."""
+    """The robot starts standing before the stairs, under the name known to the plugin."""
     nodes = world(tmp_path, name, step_height=step_height)
     robot, spec = only(nodes, "Robot"), find_robot(name)
     assert (robot.define, robot["controller"]) == ("ROBOT", "<extern>")
@@ -74,7 +74,7 @@ def boxes(nodes: list[Read]) -> list[tuple[np.ndarray, np.ndarray]]:
 
 @pytest.mark.parametrize("step_height", [0.0, 0.1, 0.2])
 def test_the_ground_has_the_heights_of_the_course(tmp_path: Path, step_height: float) -> None:
-    """If this failed, stairs in Webots would be others than those that the policy was trained and judged on."""
+    """The heights of the stairs are the course's."""
     points = np.random.default_rng(0).uniform(-4, 4, (1, 2000, 2))
     top = np.full(points.shape[1], -np.inf)
     for middle, half in boxes(world(tmp_path, step_height=step_height)):

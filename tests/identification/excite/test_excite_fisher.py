@@ -38,14 +38,14 @@ def test_an_encoder_counts_as_noise_of_its_step_over_the_root_of_twelve() -> Non
 
 
 def test_positions_alone_are_about_combinations() -> None:
-    """B cannot be told from k kd, so what is given is their sum, under a name that says so."""
+    """B and k kd have one sum: the positions tell their sum alone, under its own name."""
     blind = information(JOINT, GAINS, 1 / RATE, swing(0.5), (1e-4, None))
     assert blind.names[1] == "(viscous_friction+k*kd)/k" and blind.values[1] == pytest.approx(0.57)
     assert blind.names[2] == "coulomb_friction/k" and blind.values[2] == 0.44
 
 
 def test_a_joint_that_never_moves_tells_nothing() -> None:
-    """Its deviations are infinite, and nothing raises: a search meets such motions."""
+    """A joint at rest has infinite deviations without an error: a search meets such motions."""
     held = information(JOINT, GAINS, 1 / RATE, swing(0.5, amplitude=0.01), (1e-4, 0.05))
     assert np.isinf(held.worst) and held.d_criterion == np.inf
 

@@ -1,4 +1,4 @@
-"""A design as a whole: what it promises, held to simulated logs."""
+"""A design as a whole: its predictions, compared with simulated logs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def pattern_of(made: Excitation) -> Pattern:
 
 
 def test_predicted_deviations_are_those_of_estimates_from_simulated_logs(made: Excitation, task: Task) -> None:
-    """If this failed, the promise would be worth nothing. Nonlinear least squares on the whole log, noise known."""
+    """Predicted deviations equal those of nonlinear least squares on the whole log, noise known."""
     target = made.trajectory.joints["shank"].target
     assert target is not None
     truth = np.array([0.0145, 0.07, 0.44, 0.0])
@@ -91,7 +91,7 @@ def test_a_tight_limit_is_the_one_that_is_kept() -> None:
 
 
 def test_the_trajectory_starts_and_ends_at_rest_at_the_start_pose(made: Excitation) -> None:
-    """What is played back must not jump."""
+    """The trajectory starts and ends at rest at the start pose."""
     target = made.trajectory.joints["shank"].target
     assert target is not None and target[0] == target[-1] == 0.0
     assert np.abs(np.diff(target)).max() * 250.0 < 40.0 and abs(target[1]) < 1e-3

@@ -1,4 +1,4 @@
-"""What is refused before anything is computed, and where defaults come from."""
+"""Rejections before any computation, and the sources of defaults."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_robot_fills_in_what_the_user_left_out() -> None:
     ],
 )
 def test_what_no_joint_controller_or_log_has_is_refused(wrong: dict, said: str) -> None:
-    """One line that names the flag and what came."""
+    """Rejects a flag in one line, with its name and value."""
     with pytest.raises(StictionError) as caught:
         replace(ExciteSetup(), **wrong).filled()
     assert said in str(caught.value) and "\n" not in str(caught.value)

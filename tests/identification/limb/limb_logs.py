@@ -21,7 +21,7 @@ from stiction.robots.physics import friction_row
 HERE = Path(__file__).parent
 
 STEP = 0.001
-"""Of simulation and control [s]."""
+"""Step of simulation and control [s]."""
 
 EVERY = 4
 """Control steps between samples of the log."""
@@ -33,7 +33,7 @@ class Limb:
 
     name: str
     robot: str
-    """As `--robot` takes it."""
+    """Robot, as `--robot` takes it."""
     centre: tuple[float, ...]
     """Middle of the motion of each joint [rad]."""
     reach: tuple[float, ...]
@@ -48,7 +48,7 @@ LIMBS = (GO2, ARM6, ARM7)
 
 @dataclass(frozen=True)
 class Truth:
-    """What a log was made with, J joints."""
+    """True parameters of a log, J joints."""
 
     coulomb_friction: np.ndarray
     viscous_friction: np.ndarray

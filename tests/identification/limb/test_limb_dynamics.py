@@ -64,7 +64,7 @@ def test_two_links_in_a_plane_are_the_textbook() -> None:
 
 @pytest.mark.parametrize("name", ["arm6.xml", "arm7.xml"])
 def test_arms_are_as_mujoco_has_them(name: str) -> None:
-    """Frames, products of inertia, nested turns and a pedestal: a wrong sign anywhere would show."""
+    """Frames, products of inertia, nested turns and a pedestal agree with MuJoCo, signs included."""
     model = mujoco.MjModel.from_xml_path(str(HERE / name))
     hinges = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE))
     data, (q, v, a) = mujoco.MjData(model), motion(len(hinges))

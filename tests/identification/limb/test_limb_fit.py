@@ -42,7 +42,7 @@ def test_a_prior_by_hand() -> None:
 
 
 def test_intervals_cover_when_blocks_share_an_error() -> None:
-    """Fifteen swings whose residual is constant within a swing: textbook intervals would cover a third of the time."""
+    """Intervals cover swings with a constant residual each, where textbook intervals cover a third."""
     generator, hits, narrow = np.random.default_rng(1), 0, 0
     block = np.repeat(np.arange(15), 12)
     for _ in range(300):

@@ -21,7 +21,7 @@ from stiction.robots.model import Link
 TIME = np.arange(0, 20, 0.004)
 
 FRICTION, VISCOUS, ROTOR, OFFSET = (1.2, 0.7), (0.4, 0.3), (0.08, 0.05), (0.1, -0.2)
-"""Of the joints below [N m, N m s/rad, kg m², N m]."""
+"""Dry and viscous friction, rotor and offset of the joints [N m, N m s/rad, kg m², N m]."""
 
 
 def planar() -> Mechanism:
@@ -44,7 +44,7 @@ def sines(phase: float, quick: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def own_torque(joint: int, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Return what rotor, friction and offset of a joint ask for, and noise of the current sensor."""
+    """Return the torque of a joint's rotor, friction and offset, and noise of the current sensor."""
     noise = 0.02 * np.random.default_rng(joint).standard_normal(len(TIME))
     friction = FRICTION[joint] * np.sign(velocity) + VISCOUS[joint] * velocity
     return ROTOR[joint] * acceleration + friction + OFFSET[joint] + noise
@@ -72,7 +72,7 @@ def planar_log(lower_mass: float = 0.8) -> Log:
 
 
 def check_joint(joints: JointsFile, name: str, number: int, tolerance: float = 0.02) -> None:
-    """Compare one joint with what its log was made of."""
+    """Compare one joint with the parameters of its log."""
     record = joints.joints[name]
     truth = {"coulomb_friction": FRICTION, "viscous_friction": VISCOUS, "offset": OFFSET}
     for quantity, values in truth.items():
@@ -95,7 +95,7 @@ def test_one_joint_is_a_pendulum() -> None:
 
 
 def test_a_link_a_fifth_too_heavy_is_found_and_friction_stays() -> None:
-    """The lower link weighs 0.96 kg; with a model trusted to a thousandth the intervals would not hold the truth."""
+    """The lower link weighs 0.96 kg: its error is estimated; a model trusted to a thousandth gets a warning."""
     log = planar_log(0.96)
     found = identify_limb(log, planar()).joints
     check_joint(found, "b", 1)
@@ -134,7 +134,7 @@ def test_a_joint_that_stands_still_is_refused_by_name() -> None:
 
 
 def test_names_go_by_the_map_and_the_suffix() -> None:
-    """`a` is `a_joint`, what is called otherwise needs a pair, and nothing is guessed."""
+    """`a` is `a_joint`, other names need a pair, and no name is guessed."""
     log, arm = planar_log(), replace(planar(), joint_names=("a_joint", "elbow"))
     with pytest.raises(LogError, match=r"unknown joint 'b'.*--joint-map b=JOINT"):
         identify_limb(log, arm)
@@ -176,7 +176,7 @@ def test_without_torque_the_motors_strength_must_be_declared() -> None:
     ],
 )
 def test_what_has_no_meaning_for_a_limb_is_refused(declared: IdentifySetup, setup: LimbSetup, said: str) -> None:
-    """A flag that would be ignored is worse than one that is refused."""
+    """Rejects flags without effect."""
     with pytest.raises(ConfigurationError, match=said):
         identify_limb(pendulum_log(), pendulum(), declared, setup)
 

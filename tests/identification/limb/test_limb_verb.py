@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:
-    """Return a log of the arm of six joints, and what it was made of."""
+    """Return a log of the arm of six joints, and its true parameters."""
     path = tmp_path_factory.mktemp("arm") / "arm.npz"
     ((log, truth),) = limb_logs(ARM6, [3], seconds=10.0)
     write_log(path, log)

@@ -74,7 +74,7 @@ def test_usual_names(
 
 
 def test_a_mapping_goes_first_and_knows_every_role(tmp_path: Path) -> None:
-    """Whoever has x y z w maps it; what fits nothing is named with what there is."""
+    """A mapping takes precedence; an unknown role is named with the known ones."""
     table = joint_table() | spread("q{}", "xyzw", QUATERNION[:, [1, 2, 3, 0]]) | spread("rate{}", "012", GYROSCOPE)
     table |= spread("f_{}", "xyz", ACCELEROMETER) | spread("foot{}", "0123", FEET)
     write_csv(tmp_path / "walk.csv", table)
@@ -96,7 +96,7 @@ def test_a_mapping_goes_first_and_knows_every_role(tmp_path: Path) -> None:
 
 
 def test_two_imus_are_a_question(tmp_path: Path) -> None:
-    """The wrong one of two would be taken without a word; a column that is text is refused where it is used."""
+    """Asks which of two IMUs to use; a text column is rejected where it is used."""
     table = joint_table() | spread("/imu/a/angular_velocity/{}", "xyz", GYROSCOPE)
     write_csv(tmp_path / "walk.csv", table | spread("/imu/b/angular_velocity/{}", "xyz", GYROSCOPE))
     with pytest.raises(LogError, match=r"several columns could be the gyroscope, /imu/a/.* say which"):
@@ -172,7 +172,7 @@ def bag(path: Path, frame: str = "imu", imus: tuple[str, ...] = ("/imu/data",)) 
 
 @pytest.mark.parametrize("frame", ["", "imu", "imu_link", "a_longer_name_of_a_frame"])
 def test_an_imu_beside_joint_states_in_a_bag(tmp_path: Path, frame: str) -> None:
-    """Where the numbers stand depends on the length of the frame's name; signs of quaternions jump in real bags."""
+    """The offsets of the numbers depend on the length of the frame's name; signs of quaternions jump in real bags."""
     log = open_log(bag(tmp_path / "walk.db3", frame), body=True)
     assert log.body is not None and log.body.quaternion is not None
     sign = np.sign(log.body.quaternion[0] @ QUATERNION[0])
@@ -184,7 +184,7 @@ def test_an_imu_beside_joint_states_in_a_bag(tmp_path: Path, frame: str) -> None
 
 
 def test_topics_of_imus_are_asked_for(tmp_path: Path) -> None:
-    """Two IMUs are a question, a topic that is none an error, and columns have no topics."""
+    """Two IMUs are a question, an unknown topic an error, and columns have no topics."""
     path = bag(tmp_path / "walk.db3", imus=("/imu/a", "/imu/b"))
     with pytest.raises(LogError, match="which topic is the imu\\? Say imu=TOPIC; there are"):
         open_log(path, body=True)

@@ -1,4 +1,4 @@
-"""What a table's rows mean: the unit of the stamps, the part that is used, empty cells, several files."""
+"""Rows of a table: the unit of the stamps, the used part, empty cells, several files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STEPS = np.arange(50.0)
     ],
 )
 def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step: float, said: str) -> None:
-    """A wrong guess would make a wrong inertia, so what could be two things is left for the refusal that asks."""
+    """An ambiguous unit is left to the user."""
     time, _, notes = seconds(stamps, name, None)
     assert time[1] - time[0] == pytest.approx(step)
     assert (said in notes[0]) if said else not notes

@@ -1,4 +1,4 @@
-"""Which column is which signal of which joint."""
+"""Mapping of columns to signals of joints."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_patterns_for_numbers_and_for_names() -> None:
     ],
 )
 def test_a_bad_pattern_is_refused(columns: dict[str, str], said: str) -> None:
-    """What came, and what there is."""
+    """Rejects a pattern in one line, with its text and the known columns."""
     with pytest.raises(LogError, match=said):
         find_signals("x", table("t", "q_0", "tau"), columns, None)
 

@@ -95,7 +95,7 @@ def test_a_table_that_was_cut_off_is_refused_or_says_so(tmp_path: Path, kind: st
 
 
 def test_what_would_inflate_to_gigabytes_is_refused_first(tmp_path: Path) -> None:
-    """Declared sizes are read before anything is inflated, and no more than was declared is inflated."""
+    """Declared sizes are read first, and no more than the declared size is inflated."""
     with pytest.raises(StictionError, match="would inflate to 2147483647 bytes"):
         open_log(logfiles.bomb_npz(tmp_path))
     with pytest.raises(StictionError, match="not a whole bag"):

@@ -1,4 +1,4 @@
-"""Logs cost what they weigh: files made to cost more are refused in one line, in little memory and little time."""
+"""Logs beyond the limits of memory and time are rejected in one line, in little memory and time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ REASONS = {
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
-    """Return what one process with bounded memory and processor time said of every attack."""
+    """Return the output of one process with bounded memory and processor time for every attack."""
     folder = tmp_path_factory.mktemp("log_attacks")
     paths = {}
     for name, attack in log_attacks.ATTACKS.items():
@@ -51,7 +51,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
 
 @pytest.mark.parametrize("name", log_attacks.ATTACKS)
 def test_an_attack_is_refused_in_one_line(said: dict[str, dict], name: str) -> None:
-    """Before what it asks for is allocated: the reason is the reader's own, not that memory was short."""
+    """The reader rejects an attack before it allocates memory."""
     found = said[name]
     assert REASONS[name] in found["said"] and "\n" not in found["said"] and "not enough memory" not in found["said"]
     assert found["grown"] < log_attacks.MEMORY / 2 + 2 * found["size"], found
@@ -72,7 +72,7 @@ def stiction(*arguments: str, limit: int | None = None) -> subprocess.CompletedP
 
 
 def test_want_of_memory_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A log that is what it says, in a process that has too little for it; and a limit that the log is over."""
+    """A valid log in a process with too little memory, and a limit below the log's size, each give one line."""
     rows = np.random.default_rng(0).standard_normal((100_000, 40))
     columns = {"time": np.arange(100_000) * 1e-3, "position": rows[:, 0]} | {f"c{i}": rows[:, i] for i in range(40)}
     np.savez(tmp_path / "log.npz", **columns)

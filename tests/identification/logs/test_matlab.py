@@ -15,7 +15,7 @@ from stiction.identification.logs.apart import read_mat
 
 @pytest.mark.parametrize("compressed", [True, False])
 def test_vectors_either_way_scalars_left_out(tmp_path: Path, compressed: bool) -> None:
-    """Row or column vectors; what is shorter, or no number, is no signal."""
+    """Row and column vectors are read; shorter variables and text are no signals."""
     content = {"t": np.arange(5.0), "q": np.arange(5.0)[:, None], "kp": 3.0, "other": np.ones(3), "text": "abcde"}
     savemat(tmp_path / "x.mat", content | {"cell": np.array([1, "a"], dtype=object)}, do_compression=compressed)
     log = open_log(tmp_path / "x.mat", {"time": "t", "position": "q"}, "knee")

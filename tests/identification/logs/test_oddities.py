@@ -1,4 +1,4 @@
-"""Logs as loggers write them: each oddity gives the right value, or one sentence that says what to do in this log."""
+"""Logs as loggers write them: each oddity gives the right value, or one sentence with the remedy."""
 
 from __future__ import annotations
 
@@ -327,7 +327,7 @@ BURST = np.tile(np.arange(20) * 2e-5, 400)
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_used_is_told_what_to_do(tmp_path: Path, case: str) -> None:
-    """Says in one sentence what in this log is wrong and what to do."""
+    """The error names the fault of the log and the remedy in one sentence."""
     made, said = REFUSED[case]
     with pytest.raises(StictionError, match=said) as caught:
         stiction.identify(made(tmp_path / "log.csv", log_rows()), **DECLARED)

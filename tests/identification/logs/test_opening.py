@@ -59,7 +59,7 @@ def test_stamps_that_stand_still_give_way_to_a_rate(tmp_path: Path, step: float)
 
 
 def test_names_are_for_numbered_joints_and_must_fit(tmp_path: Path) -> None:
-    """A list one too short would shift every name."""
+    """Rejects a list of names with another length than the log's joints."""
     path = logfiles.wide_csv(tmp_path)
     assert list(open_log(path, names=("a", "b")).joints) == ["a", "b"]
     for names in (("a",), ("a", "a"), ("a", "b", "c")):

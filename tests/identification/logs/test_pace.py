@@ -59,7 +59,7 @@ class Attack:
 
 @pytest.mark.parametrize("place", ["index", "value"])
 def test_nothing_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
-    """A log from a stranger must not run code; torch and pickle would."""
+    """A foreign log runs no code, unlike torch and pickle."""
     monkeypatch.chdir(tmp_path)
     if place == "index":
         path = with_index(tmp_path, pickle.dumps({"time": Attack()}, 2))
@@ -83,7 +83,7 @@ def test_nothing_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pl
     ],
 )
 def test_other_contents_are_refused(tmp_path: Path, content: object, said: str) -> None:
-    """The message says what stood there instead of tensors."""
+    """The message names the content in place of tensors."""
     with pytest.raises(LogError, match=said):
         open_log(saved(tmp_path, content))
 

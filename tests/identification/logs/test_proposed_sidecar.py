@@ -1,4 +1,4 @@
-"""`stiction identify --init`: a sidecar that can be read as it is, with guesses that say what they rest on."""
+"""`stiction identify --init`: a sidecar that can be read as it is, with guesses and their reasons."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_currents_degrees_and_numbered_joints(tmp_path: Path) -> None:
 
 
 def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
-    """A column called pwm: what it holds is proposed, no gains are read off it, and the supply is asked for."""
+    """A column called pwm is proposed as a duty, without gains; the supply voltage is asked for."""
     time = 0.002 * np.arange(COUNT)
     wave = np.sin(9 * time)
     path = table(tmp_path, "time,q,q_des,pwm", time, wave, wave + 0.1, np.full(COUNT, 2.0) * np.cos(9 * time))

@@ -1,4 +1,4 @@
-"""Strangers' files: each form of the recipes is read as what it is, and what is not read is told the nearest way in."""
+"""Foreign files: each form of the recipes is read, and other files are rejected with the nearest recipe."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ strangers = load("strangers")
 
 
 SERVOS = [stranger for stranger in strangers.STRANGERS if stranger.write.__name__.startswith("servo")]
-"""Their column is no torque: what is made of it is judged by the friction that comes out."""
+"""Servos, whose column is no torque: their conversion is judged by the identified friction."""
 
 OTHERS = [stranger for stranger in strangers.STRANGERS if stranger not in SERVOS]
 
 
 @pytest.mark.parametrize("stranger", SERVOS, ids=lambda stranger: stranger.write.__name__)
 def test_a_servo_s_recipe_finds_its_friction(tmp_path: Path, stranger: object) -> None:
-    """Within 5 % of what was simulated, by the commands as they are typed."""
+    """The recipe finds the simulated friction within 5 %, by the commands as they are typed."""
     assert strangers.outcome(tmp_path, stranger)["within 5 %"] == "yes"
 
 

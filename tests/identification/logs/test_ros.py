@@ -68,7 +68,7 @@ def test_arrays_of_commands_follow_the_order_of_the_states(tmp_path: Path) -> No
 
 
 def test_trajectories_of_one_point_are_commands(tmp_path: Path) -> None:
-    """A point counts from its stamp plus its delay; several points leave open what the controller did."""
+    """A point counts from its stamp plus its delay; trajectories of several points are rejected."""
 
     def trajectory(points: int) -> list[logfiles.Sent]:
         after = {"sec": 0, "nanosec": 6 * MS}

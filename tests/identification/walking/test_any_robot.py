@@ -76,7 +76,7 @@ def test_rounding_is_no_effort_of_the_ground(spec: Robot, count: int) -> None:
 
 
 def test_a_limb_without_a_foot_always_swings() -> None:
-    """The last leg of a hexapod on five feet: its friction is told, and what load would add is not asked."""
+    """The sixth leg of a hexapod on five feet always swings: its friction is identified, its load is not asked for."""
     hexapod = find_robot("saturn_lite")
     spec = replace(hexapod, feet=hexapod.feet[:5])
     friction = {kind: (0.07, 1.0, 0.0) for kind in spec.joint_kinds}
@@ -93,7 +93,7 @@ def test_a_limb_without_a_foot_always_swings() -> None:
 
 
 def test_contacts_of_other_feet_are_refused() -> None:
-    """Legs in another order would swing while they stand."""
+    """Rejects contacts whose legs have another order."""
     spec = find_robot("go2")
     log = balanced.walk(spec, CRAWL, friction_of(spec), seconds=1.0)
     swapped = replace(log.header, foot_names=log.header.foot_names[::-1])

@@ -1,4 +1,4 @@
-"""Torques, wrenches and Jacobians of a walking robot's links, against what is worked out by hand."""
+"""Torques, wrenches and Jacobians of a walking robot's links, against values worked out by hand."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def base(force: tuple[float, ...] = (0, 0, 0), spin: tuple[float, ...] = (0, 0, 
 
 
 def test_links_are_held_against_their_weight() -> None:
-    """The slope of the potential energy g Σ m z by each angle; an error here would be read as friction."""
+    """The holding torque is the slope of the potential energy g Σ m z by each angle."""
     found, whole = effort(base((0, 0, G)), ANGLES)
     knee, foot = np.sin(ANGLES[1]), np.sin(ANGLES[1] + ANGLES[2])
     torque = G * np.array(

@@ -38,12 +38,12 @@ def trot() -> trots.Walked:
 
 @pytest.fixture(scope="module")
 def raw(trot: trots.Walked) -> Raw:
-    """What is logged of it at 500 Hz."""
+    """Return the readings of a walk at 500 Hz."""
     return trots.sampled(trots.GO2, trot)
 
 
 def read(raw: Raw, declared: IdentifySetup = DECLARED, **body: np.ndarray | None) -> Walk:
-    """Read a log of the Go2; body: what is different of its body."""
+    """Read a log of the Go2; body: differences of its body columns."""
     return foreign_walk(trots.opened(trots.GO2, raw, **body), trots.GO2, declared, PLACED)
 
 
@@ -131,7 +131,7 @@ def test_sources_of_contact_agree_and_are_named(raw: Raw) -> None:
 
 
 def test_another_robot_is_refused_by_its_joints(raw: Raw) -> None:
-    """Masses and lengths of another robot would give confident nonsense."""
+    """Rejects the masses and lengths of another robot."""
     log = trots.opened(trots.GO2, raw)
     with pytest.raises(LogError, match=r"robot 'saturn_lite': unknown joint 'FR_calf'; known: FL_hip, .* --robot"):
         foreign_walk(log, trots.HEXAPOD, DECLARED)
@@ -152,7 +152,7 @@ def test_another_robot_is_refused_by_its_joints(raw: Raw) -> None:
 
 
 def turned(spin: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what turns a quaternion's heading by an angle [rad]."""
+    """Return a function that turns a quaternion's heading by an angle [rad]."""
     first = np.array([np.cos(spin / 2), 0.0, 0.0, np.sin(spin / 2)])
 
     def turn(quaternion: np.ndarray) -> np.ndarray:
@@ -165,7 +165,7 @@ def turned(spin: float) -> Callable[[np.ndarray], np.ndarray]:
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, 2.5])
 def test_a_quaternion_in_another_order_is_refused(raw: Raw, heading: float) -> None:
-    """Read as w x y z, x y z w stays upright at heading zero and would pass for an orientation."""
+    """Rejects a quaternion in x y z w, which reads as upright at heading zero."""
     right = turned(heading)(raw["quaternion"])
     walk = read(raw, quaternion=right)
     np.testing.assert_allclose(np.linalg.norm(walk.log.quaternion, axis=1), 1.0)
@@ -188,7 +188,7 @@ def test_units_that_physics_settles_are_converted_and_said(raw: Raw) -> None:
 
 
 def test_what_an_imu_cannot_mean_is_refused(raw: Raw) -> None:
-    """Each of these reads like an IMU and would move friction without a word."""
+    """Rejects impossible IMU readings."""
     force, up = raw["accelerometer"], 9.81 * up_in_frames(raw["quaternion"])
     with pytest.raises(LogError, match="gravity was taken off"):
         read(raw, accelerometer=force - up)
@@ -205,7 +205,7 @@ def test_what_an_imu_cannot_mean_is_refused(raw: Raw) -> None:
 
 
 def test_an_imu_that_is_not_there_is_one_line(raw: Raw) -> None:
-    """Without it nothing can be said of any joint; the line says what to log."""
+    """A log without an IMU is rejected in one line that names the signals to log."""
     with pytest.raises(LogError, match=r"no quaternion, no gyroscope, no accelerometer: .* of no joint .* log the IMU"):
         read(raw, quaternion=None, gyroscope=None, accelerometer=None)
     with pytest.raises(LogError, match="no gyroscope: how the base turns"):
@@ -237,7 +237,7 @@ def test_feet_in_another_order_are_refused(raw: Raw) -> None:
 
 
 def test_torque_is_needed_or_targets_with_gains(raw: Raw) -> None:
-    """What a motor gave follows from nothing else; a torque that its motor cannot give is in another unit."""
+    """Rejects a log with neither torque nor targets and gains; torque beyond the motor's limit is in another unit."""
     log = trots.opened(trots.GO2, raw)
     silent = replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
     with pytest.raises(LogError, match="without targets and the gains --kp and --kd"):

@@ -54,7 +54,7 @@ def test_without_noise_the_truth_is_found_exactly() -> None:
 
 
 def test_coefficients_are_within_their_intervals(logs: list[WalkLog]) -> None:
-    """Four walks, three kinds: c, and the friction at the torque that the legs carry; what is not told is refused."""
+    """Four walks, three kinds: c, and friction at the torque of standing legs; unknown coefficients are rejected."""
     inside, told = [], 0
     for log in logs:
         found = load_of(log, known())
@@ -96,7 +96,7 @@ def test_friction_that_does_not_grow_with_load_is_not_said_to() -> None:
     ],
 )
 def test_unknown_and_wrong_masses_are_refused(logs: list[WalkLog], changes: dict, message: str) -> None:
-    """Three kilograms on a robot of 32 would be read as friction."""
+    """Three kilograms on a robot of 32 kg are rejected, not read as friction."""
     shift = np.array(changes.pop("shift", (0.0, 0.0, 0.0)))
     setup = known(**changes)
     setup = replace(setup, centre_of_mass=tuple(np.array(setup.centre_of_mass) + shift))

@@ -11,7 +11,7 @@ from stiction.files.walk import WalkLog
 from stiction.identification.walking.setup import WalkSetup
 from stiction.identification.walking.walk import (
     Walk,
-    asked_torque,
+    commanded_torque,
     forward_difference,
     grow,
     hann_weights,
@@ -44,9 +44,9 @@ def test_the_controllers_torque_by_hand(log: WalkLog) -> None:
         joint_position=np.repeat([[0.1], [0.0]], 18, axis=1),
         joint_velocity=np.repeat([[0.0], [4.0]], 18, axis=1),
     )
-    np.testing.assert_allclose(asked_torque(short)[0], 10.0)
+    np.testing.assert_allclose(commanded_torque(short)[0], 10.0)
     far = replace(short, joint_target=np.full((2, 18), 9.0))
-    np.testing.assert_allclose(asked_torque(far)[0], walks.LIMITS)
+    np.testing.assert_allclose(commanded_torque(far)[0], walks.LIMITS)
 
 
 def test_what_is_missing_is_known_to_be_missing(log: WalkLog) -> None:
@@ -58,7 +58,7 @@ def test_what_is_missing_is_known_to_be_missing(log: WalkLog) -> None:
 
 
 def test_the_wrong_robot_and_the_wrong_side_of_the_gear_are_refused(log: WalkLog) -> None:
-    """Masses of another robot would be taken off, or friction looked for where it is not."""
+    """Rejects the masses of another robot, and torque of the wrong side of the gear."""
     with pytest.raises(StictionError, match="--robot"):
         Walk(log, find_robot("go1"))
     with pytest.raises(StictionError, match="output_side"):

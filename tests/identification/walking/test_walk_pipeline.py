@@ -25,7 +25,7 @@ def log() -> WalkLog:
 
 @pytest.fixture(scope="module")
 def file(log: WalkLog) -> JointsFile:
-    """What is found in it."""
+    """Return the joints.json of a walk."""
     return identify_walk(Walk(log, walks.SPEC)).joints
 
 
@@ -105,7 +105,7 @@ def test_a_walk_that_tells_nothing_is_refused(log: WalkLog) -> None:
     with pytest.raises(StictionError, match="log for longer"):
         identify_walk(Walk(cut(log, slice(80)), walks.SPEC))
     assert log.foot_contact is not None
-    with pytest.raises(StictionError, match=r"tells nothing about any joint.*log for longer"):
+    with pytest.raises(StictionError, match=r"does not excite any joint.*log for longer"):
         identify_walk(Walk(replace(log, foot_contact=np.ones_like(log.foot_contact)), walks.SPEC))
 
 

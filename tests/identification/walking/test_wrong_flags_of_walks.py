@@ -1,4 +1,4 @@
-"""A walk with a wrong flag: no level comes out of it, and what to look at stands in the place of the answer."""
+"""Walks with a wrong flag: no level, and the faulty flag in its place."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_no_level_comes_out_of_a_wrong_walk(
 
 @pytest.mark.parametrize("given", [wrong.trotting, wrong.without_feet, wrong.by_targets, wrong.without_orientation])
 def test_a_right_walk_has_no_objection(given: Callable[[], Any]) -> None:
-    """A gate that is always shut protects nobody; and the verdict says what the torque's scale rests on."""
+    """A right walk has no objection; the verdict names the source of the torque's scale."""
     found = given().identified()
     assert len(found) >= 4
     for _, friction, record in found:

@@ -1,1 +1,1 @@
-"""What runs on the robot's computer: a supervisor that alone can move the robot, a policy beside it, and a logger."""
+"""Runtime on the robot's computer: a supervisor that alone can move the robot, a policy and a logger."""

@@ -1,4 +1,4 @@
-"""What supervisor, policy and logger say to each other, over pairs of datagram sockets that no other process has."""
+"""Messages between supervisor, policy and logger, over pairs of datagram sockets that no other process has."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ IDLE, RUNNING = 0.0, 1.0
 
 
 def sight_layout(joints: int) -> Layout:
-    """Return what the policy is told: sensors, arrival [s], commanded velocity, what to do, an injected fault."""
+    """Return the layout of the policy's input: sensors, arrival [s], commanded velocity, mode, an injected fault."""
     sizes = dict(zip(SENSORS, (4, 3, joints, joints), strict=True))
     return Layout(SIGHT, sizes | {"velocity": 3, "robot_time": 1, "mode": 1, "fault": 1})
 
 
 TIMES = ("lateness", "read", "step", "send", "latency")
-"""Of one step of the policy [s]: behind its deadline; to read what has come; for observation and network; to send the
-targets, of the step before; and from having read the sensors to having targets."""
+"""Times of one step of the policy [s]: behind its deadline; for reading new messages; for observation and network; for
+sending the targets, of the step before; and from having read the sensors to having targets."""
 
 
 def targets_layout(contract: Contract) -> Layout:
-    """Return what the policy answers at every deadline: targets, what limited them, its input and output, and wear."""
+    """Return the layout of the policy's answer at every deadline: targets, their limits, its input and output, wear."""
     joints = contract.num_joints
     sizes = {"mode": 1, "skipped": 1, "failed": 1, **dict.fromkeys(TIMES, 1), "target": joints, "action": joints}
     sizes |= {"requested": joints, "limited_by": joints}
@@ -42,7 +42,7 @@ def targets_layout(contract: Contract) -> Layout:
 
 
 def row_layout(joints: int, feet: int) -> Layout:
-    """Return what the log has of one reading of the robot."""
+    """Return the layout of the log's row of one reading of the robot."""
     names = ("position", "velocity", "torque", "target", "requested", "limited_by", "temperature")
     sizes = {"stage": 1, "robot_time": 1, **dict.fromkeys(names, joints)}
     sizes |= {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "foot_contact": feet, "battery": 1}
@@ -65,7 +65,7 @@ class Channel:
     def __init__(self, end: socket.socket, sends: Layout, receives: Layout | None = None) -> None:
         self.end, self._sends, self._receives, self._number = end, sends, receives, 0
         self.lost = 0
-        """Messages that the other end had no room for."""
+        """Number of messages that the other end had no room for."""
 
     def send(self, time: float, vectors: dict[str, object]) -> bool:
         """Send a message; return False where the other process has ended. Never waits."""
@@ -85,13 +85,13 @@ class Channel:
     def receive(self) -> list[Message]:
         """Return the messages that have come, oldest first; never waits."""
         assert self._receives is not None
-        found: list[Message] = []
+        messages: list[Message] = []
         with suppress(OSError):
             # One byte too many: a longer datagram would be cut to the right length.
             while data := self.end.recv(self._receives.bytes + 1):
                 if (message := self._receives.unpack(data)) is not None:
-                    found.append(message)
-        return found
+                    messages.append(message)
+        return messages
 
     def close(self) -> None:
         """Close this end."""

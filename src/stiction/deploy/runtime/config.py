@@ -1,4 +1,4 @@
-"""The settings of a run. They load neither a network nor a simulator: `--help` must be quick."""
+"""Settings of a run. They load neither a network nor a simulator: `--help` must be quick."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LimitsCfg:
-    """How far and how fast targets may go."""
+    """Speed and range limits of targets."""
 
     slew: Annotated[float | None, FLAG] = None
     """Largest speed of a joint's target [rad/s]; by default the bundle's, of older bundles 40, more than the shipped
@@ -25,13 +25,13 @@ class LimitsCfg:
     """Distance that targets keep from the joint's limits [rad]; by default the bundle's, of older bundles 0.02."""
 
     def __post_init__(self) -> None:
-        slew, margin = self.of(None)
+        slew, margin = self.resolved(None)
         if not (0 < slew <= 1000 and 0 <= margin <= 1):
             raise ConfigurationError(
                 f"slew {slew} rad/s and margin {margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
             )
 
-    def of(self, contract: Contract | None) -> tuple[float, float]:
+    def resolved(self, contract: Contract | None) -> tuple[float, float]:
         """Return slew [rad/s] and margin [rad] for a bundle: these, else its own, else those of new bundles."""
         usual = (None if contract is None else contract.target_limits) or TARGET_LIMITS
         return (
@@ -42,7 +42,7 @@ class LimitsCfg:
 
 @dataclass(frozen=True)
 class SafetyCfg:
-    """What a robot may do before it is stopped."""
+    """Limits of the robot's motion and condition, beyond which it is stopped."""
 
     tilt: float = 0.8
     """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; how far the
@@ -50,29 +50,29 @@ class SafetyCfg:
     predicted_tilt: float = 1.05
     """Largest tilt after safety.horizon if the base goes on turning as it does [rad]."""
     horizon: float = 0.3
-    """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
+    """Time over which a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
     joint_speed: float = 25.0
     """Largest speed of a joint [rad/s]; what the shipped policies reach is in results/deploy."""
     torque: float = 1.3
     """Largest measured torque over the motor's limit [1], as a mean over some time: beyond, drive and data sheet
     disagree."""
     torque_seconds: float = 0.1
-    """The time of that mean [s]."""
+    """Time of that mean [s]."""
     torque_error: float = 0.2
     """Largest difference between a motor's measured torque and what its gains ask for at the measured angle and speed,
     over its limit [1], as a mean over some time: beyond, an angle, or the torque, is another joint's. Not judged where
-    a robot does not say its torques."""
+    a robot does not report torques."""
     torque_error_seconds: float = 0.15
     """The time of that mean [s]."""
     apart: float = 0.1
     """Largest distance between a joint's angle and what its velocity adds up to within 0.1 s [rad]."""
     temperature: float = 80.0
-    """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
+    """Highest temperature of a motor [°C]; not judged where a robot does not report temperatures."""
     flailing: float = 8.0
     """Largest root mean square of all joints' speeds over some time [rad/s]; that of walks is in
     results/deploy."""
     flailing_seconds: float = 0.3
-    """That time [s]."""
+    """Time of that mean [s]."""
     lost: float = 10.0
     """Most messages of a motor that the robot's own bus may lose within 0.1 s, of some 50; not judged where a robot
     does not count them."""
@@ -80,7 +80,7 @@ class SafetyCfg:
     """Largest share of the robot's states, within a second, that may be lost, come twice, or behind a newer one [1]:
     with as many commands lost, one of the first four damping frames gets through in 99 of 100 cases."""
     motor_fault: bool = True
-    """Whether a motor that says that something is wrong with it stops the robot."""
+    """True if a fault that a motor reports stops the robot."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -90,12 +90,12 @@ class SafetyCfg:
 
 @dataclass(frozen=True)
 class SupervisorCfg:
-    """When what happens, and what ends it."""
+    """Times of the stages of a run, and conditions that end it."""
 
     armed: bool = False
-    """Whether anything is sent to the robot."""
+    """True if commands are sent to the robot."""
     duration: float | None = None
-    """Longest time of the run after standing up [s]; None: until somebody stops it, or a motion is over."""
+    """Longest time of the run after standing up [s]; None: until it is stopped, or a motion is over."""
     ramp: float = 2.0
     """Time from the measured pose to the standing pose [s], at least 2."""
     hold: float = 0.5
@@ -115,19 +115,19 @@ class SupervisorCfg:
     readers: int = 1
     """Number of programs that may read the commands, the robot's own included."""
     frozen: float = 0.03
-    """Time from which on an IMU that says the same to the last bit is frozen [s]: as of a stale state."""
+    """Time after which an IMU with the same readings to the last bit is frozen [s]: as of a stale state."""
     silence: float = 0.06
-    """Time after the policy's last answer from which on it hangs [s]: three control periods of 20 ms."""
+    """Longest time after the policy's last answer [s]: three control periods of 20 ms."""
     command_timeout: float = 0.5
-    """Time after the last velocity command from elsewhere from which on the robot stands [s]."""
+    """Age of the last remote velocity command above which the robot stands [s]."""
     command_stop: float = 3.0
-    """Time after it from which on it is stopped [s]."""
+    """Age of the last remote velocity command above which the robot is stopped [s]."""
     ready_timeout: float = 30.0
-    """Time within which policy and robot must be there [s]."""
+    """Longest time until policy and robot are ready [s]."""
     limits: LimitsCfg = field(default_factory=LimitsCfg)
-    """Of what goes out."""
+    """Command limits."""
     safety: SafetyCfg = field(default_factory=SafetyCfg)
-    """Of what the robot does."""
+    """Safety limits."""
 
     def __post_init__(self) -> None:
         if not 2.0 <= self.ramp <= 60.0:
@@ -152,17 +152,17 @@ class SupervisorCfg:
 
 @dataclass(frozen=True)
 class OperatorCfg:
-    """Ways in which somebody may stop or steer a run."""
+    """Remote and local ways to stop or steer a run."""
 
     stop_file: Annotated[Path | None, FLAG] = None
-    """The run stops when this file appears."""
+    """File whose appearance stops the run."""
     heartbeat: Annotated[str | None, FLAG] = None
-    """HOST:PORT of this machine at which a second one says `alive` by UDP; the run stops when it no longer does. It
+    """HOST:PORT of this machine for a second machine's `alive` by UDP; the run stops when that ends. It
     listens at that address alone."""
     heartbeat_timeout: Annotated[float, FLAG] = 0.5
     """Time without `alive` after which the run stops [s]."""
     command_from: Annotated[str | None, FLAG] = None
-    """HOST:PORT of this machine at which velocity commands come by UDP, JSON such as {"vx": 0.5}, some ten times a
+    """HOST:PORT of this machine for velocity commands by UDP, JSON such as {"vx": 0.5}, some ten times a
     second. Without them the robot stands, then stops."""
 
     def __post_init__(self) -> None:
@@ -172,16 +172,16 @@ class OperatorCfg:
 
 @dataclass(frozen=True)
 class RunCfg:
-    """What a run is, besides its robot and its policy."""
+    """Settings of a run, besides its robot and its policy."""
 
     out: Path
     """Folder of the run: `log/`, `report.json`."""
     supervisor: SupervisorCfg = field(default_factory=SupervisorCfg)
-    """When what happens, and what ends it."""
+    """Times of the stages of the run, and conditions that end it."""
     operator: OperatorCfg = field(default_factory=OperatorCfg)
-    """Who may stop or steer it."""
+    """Remote stop and velocity inputs."""
     keep_minutes: float = 120.0
-    """Minutes of the log that are kept, the newest; 0: no log."""
+    """Minutes of the log to keep, the newest; 0: no log."""
     realtime: int | None = None
     """Priority of supervisor and policy under SCHED_FIFO, 1 to 99; None: as all processes."""
 

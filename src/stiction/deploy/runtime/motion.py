@@ -1,4 +1,4 @@
-"""A designed motion as the source of targets: what `excite` wrote, played on the robot under the same supervisor."""
+"""Designed motion as the source of targets: a trajectory of `excite`, played on the robot under the same supervisor."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Motion:
     def __init__(self, path: Path, contract: Contract) -> None:
         """Read a trajectory, `time` and `target.<joint>`, a joint's name or its kind, and its sidecar's gains.
 
-        Raises `LogError`: no such table, time that does not run, unknown joints, targets that are none or outside of
-        the joint's limits.
+        Raises `LogError`: no such table, time that does not increase, unknown joints, targets that are not finite or
+        outside of the joint's limits.
         """
         if not path.exists():
             raise LogError(
@@ -33,7 +33,7 @@ class Motion:
             raise LogError(f"{path.name}: no column 'time'; expected a trajectory.csv as `stiction excite` writes it")
         self._time = table["time"] - table["time"][0]
         if not (np.isfinite(self._time).all() and (np.diff(self._time) > 0).all() and self._time[-1] <= LONGEST):
-            raise LogError(f"{path.name}: its time does not grow, or is longer than {LONGEST:g} s")
+            raise LogError(f"{path.name}: time must increase and end before {LONGEST:g} s")
         targets = {name: s.target for name, s in by_joint(table, None).items() if s.target is not None}
         if not targets:
             raise LogError(f"{path.name}: no target.JOINT; expected a trajectory.csv as `stiction excite` writes it")
@@ -45,8 +45,8 @@ class Motion:
         for name, target in targets.items():
             if name not in known:
                 raise LogError(f"{path.name}: {unknown_name('joint', name, sorted(known))}")
-            for joint, (own, kind) in enumerate(zip(contract.joint_names, contract.kinds, strict=True)):
-                if name not in (own, kind):
+            for joint, (joint_name, kind) in enumerate(zip(contract.joint_names, contract.kinds, strict=True)):
+                if name not in (joint_name, kind):
                     continue
                 low, high = contract.lower[joint], contract.upper[joint]
                 if not (np.isfinite(target).all() and low <= target.min() and target.max() <= high):

@@ -1,9 +1,9 @@
-"""Stop, by four ways, and the wanted velocity, from a person or a second machine.
+"""Stop, by four ways, and the velocity command, from a person or a second machine.
 
 * a key: space, q, Enter, Ctrl-Z or Ctrl-backslash, where standard input is a terminal;
 * a signal: every one that can be caught and would end or halt the process, SIGINT (Ctrl-C) and SIGTERM among them;
 * a file that appears;
-* a second machine that no longer says that it is there.
+* a second machine whose heartbeat ends.
 """
 
 from __future__ import annotations
@@ -29,42 +29,42 @@ KEYS = b" q\r\n\x1a\x1c"
 """Keys that stop the robot; the last two are Ctrl-Z and Ctrl-backslash, which halt or end a process elsewhere."""
 
 NO_STOP = {"KILL", "STOP", "CONT", "CHLD", "WINCH", "URG", "PIPE", "XFSZ", "INFO", "SEGV", "BUS", "FPE", "ILL"}
-"""Signals that are no stop: two that no program can catch, some that end no process or that Python ignores, and four
-that say that the program itself is broken: after them it could not send anything."""
+"""Signals that do not stop a run: two that no program can catch, some that end no process or that Python ignores, and
+four of a broken program, which could not send anything after them."""
 
 SIGNALS = tuple(
     number for number in signal.valid_signals() if getattr(number, "name", "").removeprefix("SIG") not in NO_STOP
 )
 
 ALIVE = b"alive"
-"""What a second machine sends, some ten times a second."""
+"""Heartbeat of a second machine, sent some ten times a second."""
 
 LARGEST_COMMAND = 512
 
 
 class Operator:
-    """Listens to whoever may stop or steer a run; never waits."""
+    """Inputs that may stop or steer a run; never waits."""
 
     def __init__(self, cfg: OperatorCfg, now: float) -> None:
-        """Open what the configuration names.
+        """Open the configured inputs.
 
-        Raises `ConfigurationError`: an address that is none or cannot be listened at, or a stop file that exists.
+        Raises `ConfigurationError`: an invalid address, one that cannot be listened at, or a stop file that exists.
         """
         self._cfg, self._asked, self._alive = cfg, "", now
         self._heartbeat = None if cfg.heartbeat is None else _listen(cfg.heartbeat, "--operator.heartbeat")
         self._commands = None if cfg.command_from is None else _listen(cfg.command_from, "--operator.command-from")
         self.complaint = ""
-        """What was wrong with the last velocity command that was none; empty: nothing."""
+        """Fault of the last velocity command that was rejected; empty: none."""
         self.signal: int | None = None
-        """Number of the signal that came first; None: none did."""
+        """Number of the first signal; None: none came."""
         terminal = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
         self._terminal = terminal if terminal is not None and _in_foreground(terminal) else None
         if cfg.stop_file is not None and cfg.stop_file.exists():
-            raise ConfigurationError(f"{cfg.stop_file} is there already, and would stop the run; remove it first")
+            raise ConfigurationError(f"{cfg.stop_file} exists already, and would stop the run; remove it first")
 
     @property
     def remote(self) -> bool:
-        """Whether velocity commands come from elsewhere."""
+        """True if velocity commands come from elsewhere."""
         return self._commands is not None
 
     @contextmanager
@@ -86,7 +86,7 @@ class Operator:
         return ports if self._terminal is None else [*ports, self._terminal]
 
     def stop(self, now: float) -> str:
-        """Return what asks the run to stop, in words; empty: nothing does."""
+        """Return the request to stop in words; empty: none."""
         if self._asked:
             return self._asked
         if self._cfg.stop_file is not None and self._cfg.stop_file.exists():
@@ -102,15 +102,15 @@ class Operator:
         return ""
 
     def velocity(self) -> np.ndarray | None:
-        """Return the newest velocity command that has come, shape (3,); None where there is no new one."""
-        found = None
+        """Return the newest velocity command, shape (3,); None where there is no new one."""
+        newest = None
         if self._commands is not None:
             for data in _datagrams(self._commands):
                 try:
-                    found, self.complaint = parse_velocity(data), ""
+                    newest, self.complaint = parse_velocity(data), ""
                 except ValueError as error:
                     self.complaint = str(error)
-        return found
+        return newest
 
     def _signal(self, number: int, _: FrameType | None) -> None:
         if self.signal is None:
@@ -121,20 +121,20 @@ class Operator:
 def parse_velocity(data: bytes) -> np.ndarray:
     """Return the velocity of a command such as {"vx": 0.5}, shape (3,).
 
-    Raises `ValueError`: no such object, another name than vx, vy, wz, or what is no number.
+    Raises `ValueError`: no such object, another name than vx, vy, wz, or a value that is not a number.
     """
     try:
-        said = json.loads(data)
+        command = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise ValueError("expected JSON such as {'vx': 0.5}") from error
-    if not isinstance(said, dict) or not said or set(said) - set(AXES):
-        raise ValueError(f"expected an object with some of {', '.join(AXES)}; got {str(said)[:60]}")
-    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in said.values()):
-        raise ValueError(f"expected numbers; got {str(said)[:60]}")
+    if not isinstance(command, dict) or not command or set(command) - set(AXES):
+        raise ValueError(f"expected an object with some of {', '.join(AXES)}; got {str(command)[:60]}")
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in command.values()):
+        raise ValueError(f"expected numbers; got {str(command)[:60]}")
     # JSON knows whole numbers of any length, NaN and Infinity.
-    if not all(abs(value) <= sys.float_info.max for value in said.values()):
+    if not all(abs(value) <= sys.float_info.max for value in command.values()):
         raise ValueError(f"expected finite numbers; got {data[:60]!r}")
-    return np.array([float(said.get(axis, 0.0)) for axis in AXES])
+    return np.array([float(command.get(axis, 0.0)) for axis in AXES])
 
 
 def _listen(address: str, option: str) -> socket.socket:
@@ -152,7 +152,7 @@ def _listen(address: str, option: str) -> socket.socket:
 
 
 def _datagrams(port: socket.socket) -> Iterator[bytes]:
-    """Yield what has come, some at a time: a flood does not hold up the supervisor."""
+    """Yield new datagrams, some at a time: a flood does not hold up the supervisor."""
     for _ in range(64):
         try:
             yield port.recv(LARGEST_COMMAND)
@@ -161,7 +161,7 @@ def _datagrams(port: socket.socket) -> Iterator[bytes]:
 
 
 def _in_foreground(terminal: int) -> bool:
-    """Return whether this process may read and set up a terminal: in the background it would be halted for that."""
+    """Return True if this process may read and set up a terminal: in the background it would be halted for that."""
     try:
         return os.tcgetpgrp(terminal) == os.getpgrp()
     except OSError:
@@ -181,7 +181,7 @@ def _keys_alone(terminal: int) -> Iterator[None]:
         termios.tcsetattr(terminal, termios.TCSANOW, modes)
         yield
     finally:
-        # Who was sent to the background meanwhile is halted for this, or refused, unless the signal is blocked.
+        # A process in the background is halted for this, or refused, unless the signal is blocked.
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
         try:
             with suppress(termios.error):  # A terminal that has gone needs nothing.

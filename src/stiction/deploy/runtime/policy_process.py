@@ -1,4 +1,4 @@
-"""The policy's own process: wakes at every control period, reads the newest sensors, answers with targets.
+"""Process of the policy: wakes at every control period, reads the newest sensors, answers with targets.
 
 It has no way to the robot. If it hangs, fails or is killed, the supervisor damps the robot. Started as a module:
 
@@ -26,17 +26,17 @@ from stiction.deploy.wear import WearMonitor
 from stiction.files.bundle import Bundle, reread_bundle
 
 WARM_UP = 50
-"""Steps over recorded sensors before the first real one: afterwards nothing is compiled or allocated anew."""
+"""Number of steps over recorded sensors before the first real one: later nothing is compiled or allocated anew."""
 
 FAULTS = ("none", "policy-exception", "policy-nan", "policy-hang", "policy-exit")
-"""What a test can have this process do, by its number in a message; only where it was started for that."""
+"""Faults that a test can inject, by their number in a message; obeyed only where the process was started for it."""
 
 
 class PolicyProcess:
     """A bundle's policy at one end of a channel."""
 
     def __init__(self, bundle: Bundle, channel: Channel, faults: bool = False) -> None:
-        """`faults`: whether injected faults are obeyed."""
+        """Load the policy and warm it up; faults: True to obey injected faults."""
         contract = bundle.contract
         self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
         self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
@@ -54,9 +54,9 @@ class PolicyProcess:
             self._policy.rehearse(*self._seen)
 
     def step(self, lateness: float, skipped: int) -> bool:
-        """Answer once to what has come; return False where the supervisor is gone.
+        """Process the newest sensor message and send targets; return False where the supervisor is gone.
 
-        lateness: behind the deadline [s]; skipped: deadlines that were missed.
+        lateness: time behind the deadline [s]; skipped: number of missed deadlines.
         """
         begin = time.monotonic()
         sights = self._channel.receive()
@@ -79,11 +79,11 @@ class PolicyProcess:
 
     def _watch(self, step: PolicyStep) -> None:
         """Estimate wear between two steps: the estimate goes out with the next answer."""
-        if self._wear is None or (found := self._wear.step(step.observation)) is None:
+        if self._wear is None or (estimate := self._wear.step(step.observation)) is None:
             return
-        low, high = np.where(self._estimated, found.interval95, np.nan)
-        value = np.where(self._estimated, found.friction, np.nan)
-        self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
+        low, high = np.where(self._estimated, estimate.interval95, np.nan)
+        value = np.where(self._estimated, estimate.friction, np.nan)
+        self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(estimate.unusual)}
 
     def _act(self, inputs: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
         if not self._running:

@@ -1,4 +1,4 @@
-"""Processes beside the supervisor, policy, logger and watchdog, each at the other end of a socket pair."""
+"""Processes besides the supervisor: policy, logger and watchdog, each at the other end of a socket pair."""
 
 from __future__ import annotations
 
@@ -50,39 +50,39 @@ WATCHDOG_SECONDS, ENDING_SECONDS = 60.0, 1.0
 """Longest time in which the watchdog comes up, and in which it ends once it has damped a robot [s]."""
 
 UNWATCHED = 20.0
-"""Time since the watchdog's last look from which on it is halted, in longest silences of the supervisor: 1.2 s by
+"""Time since the watchdog's last look above which it counts as halted, in longest silences of the supervisor: 1.2 s by
 default, in which it looks a hundred times."""
 
 LAST_WORDS = 2000
-"""Characters of a process's errors that are kept."""
+"""Most characters that are kept of a process's errors."""
 
 
 @contextmanager
-def beside(
+def child_process(
     module: str, words: list[object], place: int, files: Sequence[int] = (), errors: int | None = subprocess.PIPE
 ) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
     """Start one of our processes with one end of a socket pair; its arguments get the socket's file descriptor.
 
-    files: further ones that it inherits; errors: where its standard error goes, None: where ours does.
+    files: further file descriptors that it inherits; errors: target of its standard error, None: that of ours.
     """
-    own, other = socket_pair()
-    words = [*words[:place], other.fileno(), *words[place:]]
+    ours, theirs = socket_pair()
+    words = [*words[:place], theirs.fileno(), *words[place:]]
     command = python_module(f"stiction.deploy.runtime.{module}", words)
     process = subprocess.Popen(
         command,
-        pass_fds=[other.fileno(), *files],
+        pass_fds=[theirs.fileno(), *files],
         stderr=errors,
         # Ctrl-C stops the robot by way of the supervisor; it must not end the policy or the log first.
         start_new_session=True,
         **tied(isolated_environment()),
     )
     # As long as we held it too, to send to a process that is gone would not fail.
-    other.close()
+    theirs.close()
     try:
-        yield own, process
+        yield ours, process
     finally:
         # First: that is how the process learns that it is over.
-        own.close()
+        ours.close()
         _end(process)
 
 
@@ -97,7 +97,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class Death:
-    """Tells that a process ends as soon as the system takes its memory away: to free it all takes 20 ms and more."""
+    """Early detection of a process's end: when the system takes its memory away; freeing it takes 20 ms or more."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process, self._memory = process, -1
@@ -105,7 +105,7 @@ class Death:
             self._memory = os.open(f"/proc/{process.pid}/statm", os.O_RDONLY)
 
     def seen(self) -> bool:
-        """Return whether the process ends or has ended; never waits."""
+        """Return True if the process ends or has ended; never waits."""
         try:
             if self._memory >= 0 and os.pread(self._memory, 32, 0).startswith(b"0 "):
                 return True
@@ -120,27 +120,27 @@ class Death:
 
 
 class Watchdog:
-    """The watchdog's process, as the supervisor sees it: told that it goes on, and asked whether it was relieved."""
+    """Process of the watchdog, as the supervisor sees it: it takes beats, and reports its takeover."""
 
     def __init__(self, memory: np.ndarray, silence: float, process: subprocess.Popen[bytes]) -> None:
-        """memory: shared with its process, see `runtime.watchdog`; silence: longest between two beats [s]."""
+        """Watch a process; memory: shared with it, see `runtime.watchdog`; silence: longest time between beats [s]."""
         self._memory, self._silence, self.pid = memory, silence, process.pid
         self._death = Death(process)
         self.close = self._death.close
 
     @property
     def acted(self) -> bool:
-        """Whether the watchdog has taken over: it has damped the robot, or does."""
+        """True if the watchdog has taken over: it damps the robot, or has done so."""
         return bool(self._memory[ACTED] > 0.0)
 
     def beat(self, now: float, guards: bool) -> None:
-        """Say that the supervisor goes on; guards: whether the watchdog has to damp where it no longer does."""
+        """Send a beat; guards: True if the watchdog has to damp once beats end."""
         # In this order: a limit must not meet the beat of long ago.
         self._memory[BEAT] = now
         self._memory[LIMIT] = self._silence if guards else 0.0
 
     def guard(self) -> None:
-        """Have the watchdog damp from now on: before the first command with gains, not one turn behind it."""
+        """Arm the watchdog from now on: before the first command with gains, not one turn behind it."""
         self._memory[LIMIT] = self._silence
 
     def sent(self, number: int) -> None:
@@ -148,10 +148,10 @@ class Watchdog:
         self._memory[NUMBER] = number
 
     def broken(self, now: float) -> tuple[Violation, str] | None:
-        """Return the rule that ends the run, and more about it: the watchdog has acted, or watches no more.
+        """Return the rule that ends the run, with a detail: the watchdog has acted, or is gone.
 
-        To be asked before `beat`; never waits. What was not looked at while the supervisor made no turn is not judged:
-        the whole machine may have been halted.
+        To be called before `beat`; never waits. A time in which the supervisor made no turn is not judged: the whole
+        machine may have been halted.
         """
         if self.acted:
             silence = float(self._memory[ACTED] - self._memory[HEARD])
@@ -180,14 +180,14 @@ def watchdog_process(bundle: Bundle, folder: Path, link: Link, cfg: SupervisorCf
         settings = json.dumps({"cfg": asdict(cfg), "spare": vars(link.spare)})
         # Its one line is for people whose supervisor is gone, and goes where that one's lines went.
         words = [folder, bundle.digest, file, settings]
-        started = beside("watchdog", words, 1, (file, *link.spare.files), errors=None)
+        started = child_process("watchdog", words, 1, (file, *link.spare.files), errors=None)
         with started as (end, process):
             memory = mapped(file)
-            said = end.recv(1000) if select.select([end], [], [], WATCHDOG_SECONDS)[0] else b""
-            if not said.startswith(READY):
-                why = said.removeprefix(FAILED).decode(errors="replace") or "its process said nothing"
+            answer = end.recv(1000) if select.select([end], [], [], WATCHDOG_SECONDS)[0] else b""
+            if not answer.startswith(READY):
+                why = answer.removeprefix(FAILED).decode(errors="replace") or "its process said nothing"
                 raise RobotError(f"the watchdog did not come up: {why}")
-            link.know(said.removeprefix(READY).decode())
+            link.know(answer.removeprefix(READY).decode())
             try:
                 yield (watchdog := Watchdog(memory, cfg.gap, process))
             finally:
@@ -202,12 +202,12 @@ def watchdog_process(bundle: Bundle, folder: Path, link: Link, cfg: SupervisorCf
 
 
 class Logger:
-    """The logger's process, as the supervisor sees it: takes rows, and may end before the run does."""
+    """Process of the logger, as the supervisor sees it: takes rows, and may end before the run does."""
 
     def __init__(self, rows: Rows, process: subprocess.Popen[bytes]) -> None:
         self.rows, self._process = rows, process
         self.end: str | None = None
-        """Why the log ended before the run did, in words; None where it did not."""
+        """Reason why the log ended before the run, in words; None where it did not."""
 
     def ended_now(self) -> bool:
         """Return True once: when the logger is first found to have ended. Never waits."""
@@ -225,12 +225,12 @@ class Logger:
             self.end = f"the disk did not take the rest within {WRITING_SECONDS:g} s"
 
     def summary(self) -> dict[str, Any]:
-        """Return what the report has of the log."""
+        """Return the log's part of the report."""
         return {"log": LOG, "log_lost": self.rows.lost + (self.end is not None), "log_end": self.end}
 
 
 def last_line(process: subprocess.Popen[bytes]) -> str:
-    """Return what a process said last on its standard error; empty: nothing. Never waits."""
+    """Return the last line of a process's standard error; empty: none. Never waits."""
     if process.stderr is None:
         return ""
     os.set_blocking(process.stderr.fileno(), False)
@@ -267,7 +267,7 @@ def logging_process(
     write_run_header(log, header)
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)
     words = [log, keep, len(link.foot_names), folder, bundle.digest]
-    with beside("recorder", words, 1) as (end, process):
+    with child_process("recorder", words, 1) as (end, process):
         readings = row_layout(contract.num_joints, len(link.foot_names))
         logger = Logger(Rows(Channel(end, readings), readings), process)
         yield logger

@@ -1,4 +1,4 @@
-"""The logger's own process: takes rows from the supervisor and writes them, half a second at a time.
+"""Process of the logger: takes rows from the supervisor and writes them, half a second at a time.
 
 Each half second is a file of its own that is whole or not there, so that a log stays readable up to the last second
 whatever is killed; a minute of them becomes one file, and beyond `keep` minutes the oldest go. Started as a module:
@@ -28,7 +28,7 @@ PART_SECONDS = 0.5
 """Length of a part [s]."""
 
 MERGED = 120
-"""Parts that become one file: a minute."""
+"""Number of parts that become one file: a minute."""
 
 AT_ONCE = 10
 
@@ -36,10 +36,10 @@ END = b"end"
 
 
 class Parts:
-    """One table of a log, being written: rows come in, parts go out."""
+    """Table of a log that is being written: rows come in, parts go out."""
 
     def __init__(self, folder: Path, table: str, layout: Layout, keep: int, run: str = "") -> None:
-        """`keep`: parts to keep at most, the newest; run: as its header names it."""
+        """Start an empty table; keep: most parts to keep, the newest; run: name of the run in its header."""
         self._folder, self._table, self._layout, self._keep, self._run = folder, table, layout, keep, run
         self._rows: list[tuple[float, np.ndarray]] = []
         self._number = 0
@@ -49,7 +49,7 @@ class Parts:
         self._rows.append((time, values))
 
     def flush(self) -> None:
-        """Write what has come as one part; merge and drop older ones. An empty half second has no file."""
+        """Write the new rows as one part; merge and drop older ones. An empty half second has no file."""
         number, self._number = self._number, self._number + 1
         if self._rows:
             values = np.array([row for _, row in self._rows])
@@ -67,7 +67,7 @@ class Parts:
         if len(names) < 2:
             return
         arrays = [read_part(self._folder / name, self._run) for name in names]
-        self._publish(first, last, {name: np.concatenate([one[name] for one in arrays]) for name in arrays[0]})
+        self._publish(first, last, {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]})
         # Behind the whole minute: if this is cut short, parts lie beside it, and readers pass over what it covers.
         for name in names:
             (self._folder / name).unlink(missing_ok=True)
@@ -92,18 +92,18 @@ def _plain(name: str, values: np.ndarray) -> np.ndarray:
 
 
 class Rows:
-    """The supervisor's end: gathers rows of readings, sends steps at once, and never waits."""
+    """Supervisor's end of the channel: gathers rows of readings, sends steps at once, and never waits."""
 
     def __init__(self, channel: Channel, readings: Layout) -> None:
         self._channel, self._readings = channel, readings
         self._waiting: list[bytes] = []
         self._number = 0
         self.alive = True
-        """Whether somebody takes the rows."""
+        """True while the logger takes the rows."""
 
     @property
     def lost(self) -> int:
-        """Datagrams that the logger had no room for."""
+        """Number of datagrams that the logger had no room for."""
         return self._channel.lost
 
     def reading(self, time: float, vectors: dict[str, object]) -> None:
@@ -114,13 +114,13 @@ class Rows:
             self.flush()
 
     def flush(self) -> None:
-        """Send what waits."""
+        """Send the waiting rows."""
         if self._waiting:
             self.send(b"".join(self._waiting))
             self._waiting = []
 
     def end(self) -> None:
-        """Send what waits, and that it was the last."""
+        """Send the waiting rows, and the mark of the end."""
         self.flush()
         self.send(END)
 
@@ -130,7 +130,7 @@ class Rows:
 
 
 def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, keep: int) -> None:
-    """Write what comes until the sender ends the log or is gone.
+    """Write incoming rows until the sender ends the log or is gone.
 
     Raises `StictionError` or `OSError` where it cannot be written: the log then ends with what was written before.
     """
@@ -138,7 +138,7 @@ def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, ke
     parts = {name: Parts(folder, name, layout, keep, run) for name, layout in ((READINGS, readings), (STEPS, steps))}
     end.settimeout(PART_SECONDS / 5)
     due = time.monotonic() + PART_SECONDS
-    # As long as the longest datagram: what is longer would be cut, and its rows lost without a word.
+    # As long as the longest datagram: a longer one would be cut, and its rows lost without a word.
     longest = max(AT_ONCE * readings.bytes, steps.bytes)
     going = True
     while going:

@@ -1,4 +1,4 @@
-"""The report of a run: rate, lateness, time by section, what was limited, and why it ended. One JSON file."""
+"""Report of a run: rate, lateness, time by section, limited targets, and the reason of its end. One JSON file."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET, Histogram
 
 @dataclass
 class Timing:
-    """What is counted while a run lasts; its size does not grow."""
+    """Counts of a running run; their size does not grow."""
 
     probe: Histogram = field(default_factory=Histogram)
     """Lateness of an idle loop, before the run."""
     policy: dict[str, Histogram] = field(default_factory=lambda: {name: Histogram() for name in TIMES})
     reading: Histogram = field(default_factory=Histogram)
-    """From having read a state to having sent the command, in the supervisor."""
+    """Time from having read a state to having sent the command, in the supervisor."""
     periods: int = 0
     skipped: int = 0
     first: float = 0.0
     last: float = 0.0
-    """When the first and the last step were answered [s]."""
+    """Times at which the first and the last step were answered [s]."""
 
     def answer(self, now: float, times: dict[str, float], skipped: int) -> None:
         """Count one step of the policy."""
@@ -44,7 +44,7 @@ class Timing:
 
 
 def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dict[str, Any]:
-    """Return the report as plain data; `more`: what the runtime adds."""
+    """Return the report as plain data; more: fields of the runtime."""
     lateness, probe = timing.policy["lateness"].milliseconds(), timing.probe.milliseconds()
     judged = probe["p99"] <= QUIET and timing.periods > 0
     motion = supervisor.motion()
@@ -68,7 +68,7 @@ def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dic
 
 
 def hunting_joints(supervisor: Supervisor) -> list[str]:
-    """Return the joints to which no friction is fed forward any more, for they hunted."""
+    """Return the joints to which no friction is fed forward any more, because they hunted."""
     return [name for name, hunts in zip(supervisor.contract.joint_names, supervisor.hunts, strict=True) if hunts]
 
 
@@ -76,16 +76,16 @@ def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:
     """Return the share of readings in which a joint's target was limited, by rule, without joints that never were."""
     counts = supervisor.limited_counts
     total = np.maximum(counts.sum(1), 1)
-    found = {}
+    shares_by_joint = {}
     for joint, row, all_ in zip(supervisor.contract.joint_names, counts, total, strict=True):
         shares = {rule: round(float(n / all_), 5) for rule, n in zip(LIMITED_BY, row, strict=True) if rule and n}
         if shares:
-            found[joint] = shares
-    return found
+            shares_by_joint[joint] = shares
+    return shares_by_joint
 
 
 def end_line(stop: Stop | None, timing: Timing, motion: dict[str, float] | None) -> str:
-    """Return how a run ended, in one line; motion: as of `Supervisor.motion`."""
+    """Return the end of a run, in one line; motion: as of `Supervisor.motion`."""
     if stop is not None:
         hint = "; was this machine busy? end other programs, or add --realtime 50"
         return f"stopped: {stop.sentence()}{hint if stop.violation.rule in BUSY else ''}"

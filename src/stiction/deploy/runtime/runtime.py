@@ -5,7 +5,7 @@
                           └──rows──▶ logger
 
 The supervisor alone has the link to the robot, but for the watchdog, which sends damping once the supervisor no longer
-goes on. It waits for nobody: what does not come in time is a broken rule.
+goes on. It waits for no process: a message that does not come in time breaks a rule.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from stiction.deploy.runtime.processes import (
     Death,
     Logger,
     Watchdog,
-    beside,
+    child_process,
     last_line,
     logging_process,
     watchdog_process,
@@ -49,23 +49,23 @@ from stiction.files.bundle import Bundle
 from stiction.joints.compensation import BY_SPEED
 
 TICK = 0.002
-"""How often the supervisor looks at what did not come [s]."""
+"""Time between the supervisor's looks for late messages [s]."""
 
 PROBE_SECONDS = 1.0
-"""Length of the idle loop before a run, which says what this machine's clock is worth [s]."""
+"""Length of the idle loop before a run, which measures this machine's timing [s]."""
 
 DRAIN_SECONDS = 0.1
-"""Longest time for old states [s]."""
+"""Longest time for dropping old states [s]."""
 
 
 class Injected:
-    """Faults that a test puts into a run: none. See `virtual.faults`."""
+    """Faults that a test injects into a run: none here. See `virtual.faults`."""
 
     obeyed = False
-    """Whether the policy's process does what a fault says."""
+    """True if the policy's process obeys faults."""
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
-        """Do what is due at a time since the run began [s]; return the number of a fault of the policy, 0 for none."""
+        """Apply faults due at a time since the run began [s]; return the number of the policy's fault, 0 for none."""
         return 0
 
 
@@ -82,10 +82,10 @@ def run(
 ) -> dict[str, Any]:
     """Run a policy, or a motion, on a robot until it ends; return the report.
 
-    bundle, folder: checked, and where it is; of a motion the one of its robot; velocity: commanded at first: forward,
-    sideways [m/s], turn [rad/s], shape (3,); source: gives the targets in place of the policy; injected: faults, for
+    bundle, folder: checked bundle and its folder, for a motion those of its robot; velocity: first command: forward,
+    sideways [m/s], turn [rad/s], shape (3,); source: motion in place of the policy; injected: faults, for
     tests; say: takes a line for people; friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,).
-    Raises `StictionError`: another process drives this robot, more than one robot or reader is there, or the run cannot
+    Raises `StictionError`: another process drives this robot, a second robot or reader is present, or the run cannot
     begin.
     """
     limit_library_threads()
@@ -102,7 +102,7 @@ def run(
         if source is None:
             layouts = sight_layout(contract.num_joints), targets_layout(contract)
             words = [folder, bundle.digest, int(injected.obeyed)]
-            end, policy = stack.enter_context(beside("policy_process", words, 1))
+            end, policy = stack.enter_context(child_process("policy_process", words, 1))
             channel = Channel(end, *layouts)
         watchdog = stack.enter_context(watchdog_process(bundle, folder, link, cfg.supervisor))
         if watchdog is None and cfg.supervisor.armed:
@@ -121,7 +121,7 @@ def run(
             stack.callback(loop.death.close)
         loop.run(velocity)
         if operator.complaint:
-            say(f"the last velocity command was none: {operator.complaint}")
+            say(f"ignored the last velocity command: {operator.complaint}")
     of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
@@ -135,7 +135,7 @@ def run(
 
 @dataclass
 class _Loop:
-    """The supervisor's process: reads the robot, asks the policy, sends commands, logs."""
+    """Loop of the supervisor's process: reads the robot, asks the policy, sends commands, logs."""
 
     supervisor: Supervisor
     link: Link
@@ -149,7 +149,7 @@ class _Loop:
     say: Callable[[str], None]
     states: int = 0
     sent_at: float | None = None
-    """When the first damping frame of a stop was sent [s]."""
+    """Time at which the first damping frame of a stop was sent [s]."""
     damped_seconds: float = 0.0
     """Time from the first damping frame of the end to the last [s]."""
     signal: int | None = None
@@ -166,7 +166,7 @@ class _Loop:
         self._last: tuple[float, RobotState, Out] | None = None
 
     def run(self, velocity: np.ndarray) -> None:
-        """Go on until the run has ended, however it does; velocity: commanded at first."""
+        """Run until the run has ended, however it does; velocity: first command."""
         self._begin(velocity)
         # What is loaded by now lives to the end: frozen, no later collection walks over it and makes a reading late.
         gc.collect()
@@ -187,9 +187,9 @@ class _Loop:
         self._end()
 
     def _begin(self, velocity: np.ndarray) -> None:
-        """Take the first velocity command; what the robot said while the processes started is old, and dropped.
+        """Take the first velocity command, and drop old states from the start of the processes.
 
-        Raises `RobotError` where more than one robot, or a reader to whom nobody agreed, is there: nothing was sent.
+        Raises `RobotError` where more than one robot, or an unexpected reader, is present: nothing was sent.
         """
         until = time.monotonic() + DRAIN_SECONDS
         while self.link.receive() and time.monotonic() < until:
@@ -197,21 +197,21 @@ class _Loop:
         if (broken := check_peers(self.link.peers(), self.supervisor.cfg)) is not None:
             rule, names = broken
             raise RobotError(
-                f"{rule.rule}: got {rule.value:g} ({names}), expected at most {rule.limit:g}; switch the others off, "
+                f"{rule.rule}: got {rule.value:g} ({names}), expected at most {rule.limit:g}; switch others off, "
                 "choose the robot's own --domain, or raise --readers for programs that only listen"
             )
         remote = self.operator.remote
         self.supervisor.command_velocity(velocity, time.monotonic(), remote)
 
     def _run_once(self) -> None:
-        """Wait for something to come, at most one tick, and do what follows from it."""
+        """Wait for a message, at most one tick, and process it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
         self._beat(now)
-        # First: after a halt the robot still obeys the last command, and all that waits here is old.
+        # First: after a halt the robot still obeys the last command, and all messages that wait here are old.
         self._emit(self.supervisor.turn(now), None)
         self._obey(now)
-        self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
+        self._answered()  # Before anything is sent: Linux drops the last message of a process that is gone.
         read = time.monotonic()
         states = self.link.receive()
         if not self.states:
@@ -236,7 +236,7 @@ class _Loop:
         self._announce()
 
     def _beat(self, now: float) -> None:
-        """Tell the watchdog that the supervisor goes on; where it has acted, or is gone, the run is over."""
+        """Send a beat to the watchdog; stop the run where it has acted, or is gone."""
         if self.watchdog is None:
             return
         if self.supervisor.stage < Stage.DAMP and (broken := self.watchdog.broken(now)) is not None:
@@ -244,9 +244,9 @@ class _Loop:
         self.watchdog.beat(now, Stage.STAND <= self.supervisor.stage <= Stage.DAMP)
 
     def _fail(self, error: BaseException) -> None:
-        """Damp the robot after an error in this program, as long as after any stop; the error is its reason."""
-        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        self._stop(Violation("policy failed", None, np.nan, np.nan), f"the supervisor itself: {said}")
+        """Damp the robot after an error in this program, as long as after any stop; record the error as the reason."""
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        self._stop(Violation("policy failed", None, np.nan, np.nan), f"the supervisor itself: {reason}")
         until = time.monotonic() + self.supervisor.cfg.settle_limit
         while not self.supervisor.ended and time.monotonic() < until:
             time.sleep(TICK)
@@ -270,7 +270,7 @@ class _Loop:
             self.supervisor.command_velocity(velocity, now, remote=True)
 
     def _show(self, state: RobotState, now: float) -> None:
-        """Let a fault happen that is due, and send the policy's process the newest reading."""
+        """Apply a due fault, and send the policy's process the newest reading."""
         if self.supervisor.ended:
             return
         running = self.supervisor.stage is Stage.RUN
@@ -307,11 +307,11 @@ class _Loop:
             self._policy_fails("policy gone")
 
     def _policy_fails(self, rule: str) -> None:
-        """Stop, since the policy's process failed or is gone, with what it said last."""
+        """Stop, because the policy's process failed or is gone, with its last line."""
         assert self.policy is not None
-        said, status = last_line(self.policy), self.policy.poll()
+        line, status = last_line(self.policy), self.policy.poll()
         ended = "its process is gone" if status is None else f"its process ended with status {status}"
-        self._stop(Violation(rule, None, np.nan, np.nan), "; ".join(text for text in (said, ended) if text))
+        self._stop(Violation(rule, None, np.nan, np.nan), "; ".join(text for text in (line, ended) if text))
 
     def _stop(self, violation: Violation, detail: str) -> bool:
         """Stop the run; return False where it was stopped, or had ended, before."""
@@ -320,7 +320,7 @@ class _Loop:
         return out is not None
 
     def _emit(self, out: Out | None, state: RobotState | None) -> None:
-        """Send what was decided, and log it with the reading that it answers."""
+        """Send a decision, and log it with the reading that it answers."""
         if out is None:
             return
         if out.command is not None and self.supervisor.cfg.armed:
@@ -346,14 +346,14 @@ class _Loop:
             self.watchdog.sent(number)
 
     def _passed(self, state: RobotState, read: float) -> None:
-        """Judge and log a state that was no longer the newest when it was read [s]: what went out last was in force."""
+        """Judge and log a state that was no longer the newest when it was read [s], under the last decision."""
         self.link.arrivals.counts.late += state.age > self.supervisor.cfg.stale
         self._emit(self.supervisor.passed(state, read), None)
         if self._rows is not None and self._last is not None:
             self._log(state, self._last[2])
 
     def _log(self, state: RobotState, out: Out) -> None:
-        """Log the reading before this one: the torque of its period has come with this one, see `formats.walk`."""
+        """Log the reading before this one, with its period's torque, which came with this one, see `files.walk`."""
         before, self._last = self._last, (time.monotonic(), state, out)
         if before is None or self._rows is None:
             return
@@ -361,7 +361,7 @@ class _Loop:
         self._rows.reading(at, self._row(old, state.joint_torque, decided))
 
     def _row(self, state: RobotState, torque: np.ndarray, out: Out) -> dict[str, object]:
-        """Return the log's row of a reading, with what of the link was counted until now; see `row`."""
+        """Return the log's row of a reading, with the link's counts until now; see `row`."""
         return row(state, torque, out, self.supervisor.velocity) | self.link.arrivals.counts.reported()
 
     def _end(self) -> None:
@@ -420,15 +420,15 @@ def _probe(timing: Timing) -> None:
         timing.probe.add(ticker.wait()[0])
 
 
-def _realtime(priority: int, others: Sequence[int], timing: Timing) -> str:
-    """Give this process, and others by number, a real-time priority; return what it did to an idle loop, in words.
+def _realtime(priority: int, ids: Sequence[int], timing: Timing) -> str:
+    """Set a real-time priority for this process, and others by id; return its effect on an idle loop, in words.
 
     Raises `ConfigurationError` where the system does not allow it.
     """
     if not hasattr(os, "sched_setscheduler"):
         raise ConfigurationError("this system has no SCHED_FIFO; leave --realtime away")
     try:
-        for process in (0, *others):
+        for process in (0, *ids):
             os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
         raise ConfigurationError(
@@ -438,5 +438,5 @@ def _realtime(priority: int, others: Sequence[int], timing: Timing) -> str:
     before = timing.probe
     timing.probe = type(before)()
     _probe(timing)
-    words = " to ".join(f"{1e3 * found.quantile(0.99):.2f} ms" for found in (before, timing.probe))
+    words = " to ".join(f"{1e3 * histogram.quantile(0.99):.2f} ms" for histogram in (before, timing.probe))
     return f"real-time priority {priority}: p99 of an idle loop's lateness from {words}"

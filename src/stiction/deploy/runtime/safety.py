@@ -1,7 +1,7 @@
-"""Rules that stop a robot, one reading at a time: what it does, not whether the reading can be true.
+"""Rules that stop a robot, one reading at a time: on its motion, not on the plausibility of the reading.
 
-Whether a reading can be true at all is `deploy.plausibility`'s question; both say a `Violation`. Limits and reasons are
-in `SafetyCfg`, what each rule finds in docs/safety.md.
+`deploy.plausibility` judges whether a reading can be true at all; both return a `Violation`. Limits and reasons are
+in `SafetyCfg`, the purpose of each rule is in docs/safety.md.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
 
 
 RESPONSE = 0.006
-"""Time from a reading to that which shows the torque of what it led to [s]: of buses, and the robot's own computer."""
+"""Time from a reading to the one that shows the resulting torque [s]: of buses, and the robot's own computer."""
 
 WEAK_SPEED = 5.0
-"""Speed from which on a motor that drives may give less than it is asked for [rad/s]: its voltage ends."""
+"""Speed above which a driving motor may give less torque than commanded [rad/s]: its voltage ends."""
 
-BESIDE = (
+OTHER_FIELDS = (
     *("acceleration", "joint_torque", "temperature", "lost", "motor_fault", "foot_contact", "battery"),
     *("kp", "kd", "torque_limit"),
 )
-"""Fields of a state beside the sensors that a policy needs: NaN where a robot never says them."""
+"""Fields of a state besides the sensors of a policy: NaN where a robot does not report them."""
 
 LOSS_SECONDS, LOSS_PARTS = 1.0, 10
-"""Time over which the share of lost states is judged [s], and how many times within it."""
+"""Time over which the share of lost states is judged [s], and number of judgements within it."""
 
 LOST_SECONDS = 0.1
 """Time over which lost messages are counted [s]."""
 
 
 class Safety:
-    """The rules over one robot's readings."""
+    """Rules over one robot's readings."""
 
     def __init__(self, contract: Contract, cfg: SafetyCfg, period: float) -> None:
-        """`period`: between two readings [s]."""
+        """Start without readings; period: time between two readings [s]."""
         self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
         self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
         readings = max(1, round(cfg.torque_error_seconds / period))
@@ -66,7 +66,7 @@ class Safety:
         # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
         # readings.
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
         self._losses: deque[tuple[float, float, float]] = deque(maxlen=1 + LOSS_PARTS)
         self._asked, self._losses_from = math.nan, -math.inf
 
@@ -76,7 +76,7 @@ class Safety:
             earlier.clear()
 
     def commanded(self, command: JointCommand) -> None:
-        """Note what was sent to the motors: from now on their torques are compared with it."""
+        """Note the command to the motors: from now on their torques are compared with it."""
         self._command = command
 
     def finite(self, state: RobotState) -> Violation | None:
@@ -84,12 +84,12 @@ class Safety:
 
         A field that is NaN in all its entries counts only after it has once been finite: many robots lack some fields.
         """
-        for name in BESIDE:
+        for name in OTHER_FIELDS:
             values = np.atleast_1d(getattr(state, name))
             right = np.isfinite(values)
             if right.all():
-                self._said.add(name)
-            elif name in self._said or not np.isnan(values).all():
+                self._reported.add(name)
+            elif name in self._reported or not np.isnan(values).all():
                 wrong = int(np.argmin(right))
                 joint = self._names[wrong] if len(values) == len(self._names) else None
                 return Violation("not finite", joint, float(values[wrong]), RULES["not finite"].limit)
@@ -98,10 +98,10 @@ class Safety:
         return None
 
     def losses(self, bad: float, sent: float, now: float) -> Violation | None:
-        """Return that too many states of the last second were lost, came twice, or behind a newer one.
+        """Return a violation if too many states of the last second were lost, came twice, or behind a newer one.
 
-        bad: number of those; sent: of all that the robot sent; both counted up; now: on the caller's clock [s]. To be
-        asked every few milliseconds: what is lost while the caller does not ask overran its own queue, which is no
+        bad: number of those; sent: number of all that the robot sent; both counted up; now: on the caller's clock [s].
+        To be called every few milliseconds: states that are lost between calls overran the caller's queue, which is no
         fault of the link, and the second begins anew.
         """
         part, asked, self._asked = LOSS_SECONDS / LOSS_PARTS, self._asked, now
@@ -122,7 +122,7 @@ class Safety:
     def check(self, state: RobotState, answers: bool = True) -> Violation | None:
         """Return the first broken rule of a reading whose sensors are finite, None where none is broken.
 
-        answers: whether the reading came after the last command had been sent; an earlier one says nothing of it.
+        answers: True if the reading came after the last command had been sent; an earlier one does not show it.
         """
         cfg, sensors = self._cfg, state.sensors
         now, ahead = tilt(sensors.quaternion, sensors.angular_velocity, cfg.horizon)
@@ -141,7 +141,7 @@ class Safety:
         return self._of_drives(state, answers) or self._of_motors(state)
 
     def _of_drives(self, state: RobotState, answers: bool) -> Violation | None:
-        """Return that a motor gives another torque than its gains ask for at the measured angle and velocity."""
+        """Return a violation if a motor gives another torque than its gains ask for at the measured angle and speed."""
         command, sensors, torque = self._command, state.sensors, state.joint_torque
         if command is not None and not answers:
             self._expected.clear()
@@ -152,12 +152,12 @@ class Safety:
             return None
         asked = command.forward + command.kp * (command.target - sensors.joint_position)
         asked = np.clip((asked - command.kd * sensors.joint_velocity) / self._limit, -1.0, 1.0)
-        # Of an earlier reading, behind which others were lost, it says nothing either.
+        # An earlier reading, behind which others were lost, does not show it either.
         if len(self._expected) == self._expected.maxlen and state.time - self._expected[0][0] < self._prompt:
-            before, given = self._expected[0][1], torque / self._limit
-            error = given - before
+            before, measured = self._expected[0][1], torque / self._limit
+            error = measured - before
             driving = before * sensors.joint_velocity > 0.0
-            weak = driving & (before * given >= 0.0) & (np.abs(given) < np.abs(before))
+            weak = driving & (before * measured >= 0.0) & (np.abs(measured) < np.abs(before))
             weak &= np.abs(sensors.joint_velocity) > WEAK_SPEED
             # Exactly zero is a robot that measures none.
             self._errors.append(np.where(weak | np.isnan(error) | (torque == 0.0), 0.0, error))
@@ -171,7 +171,7 @@ class Safety:
         return Violation("torque and command", self._names[worst], value, limit, "N m")
 
     def _of_motors(self, state: RobotState) -> Violation | None:
-        """Return the first broken rule of torques and temperatures; what a robot does not say is not judged."""
+        """Return the first broken rule of torques and temperatures; unreported values are not judged."""
         cfg = self._cfg
         self._torques.append(np.abs(np.nan_to_num(state.joint_torque)) / self._limit)
         if len(self._torques) == self._torques.maxlen:

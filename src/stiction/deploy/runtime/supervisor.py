@@ -1,10 +1,10 @@
-"""The supervisor: decides at every reading what goes to the robot. No process, no socket, no clock of its own.
+"""Supervisor: decides at every reading on the command to the robot. No process, no socket, no clock of its own.
 
     passive ──ready──▶ stand up ──ramp done──▶ run ──duration or motion over──▶ damping ──▶ done, or stopped
        │                  │                     │                                  ▲
        └──────────────────┴── a broken rule ────┴──────────────────────────────────┘
 
-In every stage the reading is judged first. A stop is latched: nothing but a person who starts anew ends it. Damping is
+In every stage the reading is judged first. A stop is latched: only a new start by a person ends it. Damping is
 sent again and again, since a frame can be lost: for the settling time, and while the robot moves, up to a limit.
 """
 
@@ -29,11 +29,11 @@ from stiction.files.run_log import RUN_STAGE
 from stiction.joints.compensation import FrictionController, Hunting
 
 GAINS_AFTER = 0.5
-"""Time after the first command with gains at which a robot that says its gains says ours [s]."""
+"""Time after the first command with gains at which a robot that reports its gains reports ours [s]."""
 
 
 class Stage(IntEnum):
-    """What the supervisor is doing; the number stands in the log."""
+    """Stage of the supervisor; the number stands in the log."""
 
     PASSIVE = 0
     STAND = 1
@@ -45,27 +45,27 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True)
 class Out:
-    """What was decided at one reading."""
+    """Decision at one reading."""
 
     stage: Stage
     command: JointCommand | None
-    """What goes to the robot; None: nothing. Without `armed` it is shown and not sent."""
+    """Command to the robot; None: nothing. Without `armed` it is shown and not sent."""
     requested: np.ndarray
-    """Targets that were asked for [rad], NaN where none were, shape (J,)."""
+    """Requested targets [rad], NaN without any, shape (J,)."""
     limited: Limited
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Why the robot was stopped."""
+    """Reason why the robot was stopped."""
 
     violation: Violation
     detail: str
-    """More about it, for people; may be empty."""
+    """Detail for people; may be empty."""
     time: float
-    """When it was found [s], on the clock of the supervisor's process."""
+    """Time of the violation [s], on the clock of the supervisor's process."""
     last_state: float
-    """When the last good state had come [s]; NaN: never."""
+    """Time of the last good state [s]; NaN: never."""
 
     def sentence(self) -> str:
         """Return the stop in one line."""
@@ -74,14 +74,14 @@ class Stop:
         return self.violation.sentence() + (f" ({self.detail})" if self.detail else "")
 
     def summary(self) -> dict[str, object]:
-        """Return plain data for the report; numbers that are none become null."""
-        found = {name: getattr(self.violation, name) for name in ("rule", "joint", "value", "limit", "unit")}
-        found |= {"detail": self.detail, "time": self.time, "last_state": self.last_state}
-        return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
+        """Return plain data for the report; numbers that are not finite become null."""
+        data = {name: getattr(self.violation, name) for name in ("rule", "joint", "value", "limit", "unit")}
+        data |= {"detail": self.detail, "time": self.time, "last_state": self.last_state}
+        return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in data.items()}
 
 
 def check_peers(peers: Peers, cfg: SupervisorCfg) -> tuple[Violation, str] | None:
-    """Return the rule that who is at the other end of the link breaks, and their names; None: none is broken."""
+    """Return the rule that programs at the other end of the link break, and their names; None: none is broken."""
     if (count := len(peers.robots)) > 1:
         return Violation("second robot", None, count, 1), "; ".join(peers.robots)
     if cfg.armed and (count := len(peers.writers)) > 0:
@@ -103,24 +103,24 @@ class Supervisor:
         source: Motion | None = None,
         forward: FrictionController | None = None,
     ) -> None:
-        """Begin passive.
+        """Start passive.
 
-        contract: what the joints may do; period: between two readings [s]; now: on the caller's clock [s]; source:
-        gives the targets in place of a policy; forward: what is added against friction while a policy runs.
+        contract: limits of the joints; period: between two readings [s]; now: on the caller's clock [s]; source:
+        motion in place of a policy; forward: feed-forward of friction while a policy runs.
         """
         self.contract, self.cfg, self.stage = contract, cfg, Stage.PASSIVE
         self.stop_record: Stop | None = None
-        """Why it was stopped, None while it was not."""
+        """Stop of the run, None without one."""
         self.velocity = np.zeros(3)
-        """Commanded velocity that the policy is told: forward, sideways [m/s], turn [rad/s]."""
+        """Commanded velocity for the policy: forward, sideways [m/s], turn [rad/s]."""
         self.policy_ready = source is not None
-        """Whether the policy has said that it waits."""
+        """True if the policy has reported that it waits."""
         self.limited_counts = np.zeros((contract.num_joints, 4), dtype=np.int64)
-        """How often each joint's target in the run was free, or limited by which rule, shape (J, 4)."""
+        """Number of readings in which each joint's target was free, or limited by each rule, shape (J, 4)."""
         jump = max(PLAUSIBLE["time jump"].limit, cfg.stale)
         limits = {"frozen IMU": cfg.frozen, "time jump": jump, "velocity and angle": cfg.safety.apart}
         self._guard = ReadingGuard(contract, limits)
-        # Whoever waits longer for states is on a machine, or has a robot, that is slow.
+        # A longer allowed wait for states means a slow machine or robot.
         self._clock = ClockRate(max(PLAUSIBLE["clock rate"].limit, 2.0 * cfg.stale))
         self._safety = Safety(contract, cfg.safety, period)
         self._source = source
@@ -129,7 +129,7 @@ class Supervisor:
         self._length = min((length for length in lengths if length is not None), default=math.inf)
         self._standing: np.ndarray = standing if source is None else source.start
         self._kp, self._kd = (kp, kd) if source is None else (source.kp, source.kd)
-        slew, margin = cfg.limits.of(contract)
+        slew, margin = cfg.limits.resolved(contract)
         self._limits, self._forward = Limits(contract, slew, margin, self._kp, self._kd), forward
         self._hunting = Hunting(contract.num_joints, period)
         self.hunts = np.zeros(contract.num_joints, bool)
@@ -147,28 +147,28 @@ class Supervisor:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will be sent."""
+        """True if nothing more will be sent."""
         return self.stage in (Stage.DONE, Stage.STOPPED)
 
     def motion(self) -> dict[str, float] | None:
-        """Return how long the motion is, and how much of it was played [s]; None of a run of a policy."""
+        """Return the length of the motion, and the part of it that was played [s]; None for a run of a policy."""
         if self._source is None:
             return None
         return {"seconds": self._source.seconds, "played": min(self._ran, self._length)}
 
-    # What comes in.
+    # Inputs.
 
     def command_velocity(self, velocity: np.ndarray, now: float, remote: bool = False) -> None:
-        """Take a velocity command, judged with the next state; `remote`: from somewhere that can be lost."""
+        """Take a velocity command, judged with the next state; remote: True if its source can be lost."""
         self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
 
     def sent(self, number: float, now: float) -> None:
-        """Remember the number with which a command was sent, and when."""
+        """Remember the number and the time of a sent command."""
         first = number if math.isnan(self._ours[0]) else self._ours[0]
         self._ours, self._sent = (first, number), now
 
     def policy_waits(self, now: float) -> None:
-        """Note that the policy's process is there and waits for a reading."""
+        """Note that the policy's process waits for a reading."""
         self.policy_ready, self._answered = True, now
 
     def policy_targets(
@@ -176,7 +176,7 @@ class Supervisor:
     ) -> Out | None:
         """Take the targets of a control step [rad], shape (J,).
 
-        requested: the policy's own, before the contract's limits [rad]; by: what limited them, see `LIMITED_BY`.
+        requested: the policy's targets before the contract's limits [rad]; by: the limiting rules, see `LIMITED_BY`.
         """
         elapsed, self._answered = now - self._answered, now
         if not np.isfinite(target).all():
@@ -202,7 +202,7 @@ class Supervisor:
         self.stage, self._since = Stage.DAMP, now
         return self._settle(now)
 
-    # What time does.
+    # Time.
 
     def turn(self, now: float) -> Out | None:
         """Judge the time since the last turn of the caller's loop; to be called first in each turn."""
@@ -212,17 +212,17 @@ class Supervisor:
         return None
 
     def meet(self, peers: Peers, now: float) -> Out | None:
-        """Judge who is at the other end of the link."""
+        """Judge the programs at the other end of the link."""
         broken = check_peers(peers, self.cfg)
         return None if broken is None else self.stop(broken[0], now, broken[1])
 
     def delivered(self, bad: float, sent: float, now: float) -> Out | None:
-        """Judge how the robot's states come; the arguments are those of `Safety.losses`."""
+        """Judge the delivery of the robot's states; the arguments are those of `Safety.losses`."""
         broken = self._safety.losses(bad, sent, now)
         return None if broken is None else self.stop(broken, now)
 
     def tick(self, now: float) -> Out | None:
-        """Judge what did not come in time, and repeat the damping frame; to be asked every 2 ms or so."""
+        """Judge late messages, and repeat the damping frame; to be called every 2 ms or so."""
         if self.ended:
             return None
         return (None if self.stop_record is not None else self._late(now)) or self.repeat(now)
@@ -254,7 +254,7 @@ class Supervisor:
         return None
 
     def state(self, state: RobotState, now: float) -> Out:
-        """Judge a state and return what goes to the robot."""
+        """Judge a state and return the decision."""
         if self.ended:
             return self._out(None)
         if self.stop_record is None:
@@ -275,7 +275,7 @@ class Supervisor:
         return self._settle(now)
 
     def passed(self, state: RobotState, now: float) -> Out | None:
-        """Judge a state behind which a newer one has come already; it decides nothing but a stop."""
+        """Judge a state that a newer one has overtaken; it decides nothing but a stop."""
         if self.ended or self.stop_record is not None:
             return None
         broken = self._judge(state, now)
@@ -340,15 +340,15 @@ class Supervisor:
         return self._out(self._damp())
 
     def _far(self, rule: str, pose: np.ndarray, limit: float) -> Violation | None:
-        """Return that a joint is further than a limit from a pose [rad], None where none is."""
+        """Return a violation if a joint is further than a limit from a pose [rad], else None."""
         joint = int(np.argmax(far := np.abs(pose - self._position)))
         name = self.contract.joint_names[joint]
         return Violation(rule, name, float(far[joint]), limit, "rad") if far[joint] > limit else None
 
-    # What goes out.
+    # Outputs.
 
     def _limit(self, requested: np.ndarray, state: RobotState, now: float) -> Out:
-        """Return the command for targets that were asked for, within every limit."""
+        """Return the command for requested targets, within every limit."""
         limited = self._limits.step(requested, now - self._asked)
         self._asked = now
         return self._within_torque(requested, limited, state)
@@ -388,16 +388,16 @@ class Supervisor:
         broken = broken or self._safety.finite(state) or self._clock.check(state.time, now - state.age)
         if broken is not None:
             return broken
-        # Before the first command of ours both ends are NaN, and any other one is somebody else's.
+        # Before the first command of ours both ends are NaN, and any other one is another writer's.
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
             return Violation("second writer", None, state.command, self._ours[1])
-        # What a robot says of its gains may still be from before the first command that sets them, and wait in a queue.
+        # The gains that a robot reports may still be from before the first command that sets them, and wait in a queue.
         measured = now - state.age
         gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and measured - self._since > GAINS_AFTER))
-        kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
-        found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
-        return found[0] if found else self._safety.check(state, answers=measured > self._sent)
+        kp, kd = (_reported(values) if gains and self._source is None else None for values in (state.kp, state.kd))
+        differences = compare_drive(self.contract, kp, kd, _reported(state.torque_limit))
+        return differences[0] if differences else self._safety.check(state, answers=measured > self._sent)
 
 
-def _said(values: np.ndarray) -> np.ndarray | None:
+def _reported(values: np.ndarray) -> np.ndarray | None:
     return None if np.isnan(values).all() else values

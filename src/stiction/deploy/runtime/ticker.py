@@ -1,4 +1,4 @@
-"""Absolute deadlines on a monotonic clock, and how late they were met."""
+"""Absolute deadlines on a monotonic clock, and their lateness."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from collections.abc import Callable
 import numpy as np
 
 LEAD = 1e-3
-"""How long before a deadline a rehearsal begins [s]: three times what one takes."""
+"""Time before a deadline at which a rehearsal begins [s]: three times what one takes."""
 
 QUIET = 0.5
 """p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
 
 BUSY = ("stale state", "policy silent", "supervisor halted", "supervisor silent", "clock rate")
-"""Rules that a machine breaks which does other work too."""
+"""Rules that a machine under other load breaks."""
 
 LATE = 2.0
 """p99 of a loop's lateness up to which it is well [ms]."""
 
 
 class Ticker:
-    """Wakes at start + n · period for whole n. A deadline that passed a period ago, or more, is skipped for good."""
+    """Timer that wakes at start + n · period for whole n. A deadline that passed a period ago, or more, is skipped."""
 
     def __init__(
         self, period: float, clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep
     ) -> None:
-        """`period`: [s]; the first deadline is one period from now. `clock`, `sleep`: [s]."""
+        """Start now; period: [s]; the first deadline is one period from now; clock, sleep: [s]."""
         self.period, self._clock, self._sleep = period, clock, sleep
         self._start, self._number = clock(), 0
 
@@ -35,7 +35,7 @@ class Ticker:
 
         rehearse: called `LEAD` before it, where there is time for that; the rest is waited awake.
 
-        Returns how late the caller was woken [s], at least 0, and how many deadlines were skipped before.
+        Returns the lateness of the wake-up [s], at least 0, and the number of deadlines skipped before it.
         """
         self._number += 1
         passed = self._clock() - (self._start + self._number * self.period)
@@ -46,7 +46,7 @@ class Ticker:
         if rehearse is not None and (left := deadline - LEAD - self._clock()) > 0:
             self._sleep(left)
             rehearse()
-            # Awake: who sleeps again so shortly before is woken late where others want the core.
+            # Awake: a process that sleeps again so shortly before is woken late where others want the core.
             while self._clock() < deadline:
                 pass
         while (left := deadline - self._clock()) > 0:
@@ -62,7 +62,7 @@ class Histogram:
     def __init__(self) -> None:
         self._counts = np.zeros(self.BINS + 1, dtype=np.int64)
         self.largest = 0.0
-        """[s]."""
+        """Largest time [s]."""
 
     def add(self, seconds: float) -> None:
         """Count one time [s]."""
@@ -79,5 +79,5 @@ class Histogram:
 
     def milliseconds(self) -> dict[str, float]:
         """Return p50, p99, p99_9 and max [ms]."""
-        found = {name: self.quantile(share) for name, share in (("p50", 0.5), ("p99", 0.99), ("p99_9", 0.999))}
-        return {name: round(1e3 * value, 4) for name, value in (found | {"max": self.largest}).items()}
+        quantiles = {name: self.quantile(share) for name, share in (("p50", 0.5), ("p99", 0.99), ("p99_9", 0.999))}
+        return {name: round(1e3 * value, 4) for name, value in (quantiles | {"max": self.largest}).items()}

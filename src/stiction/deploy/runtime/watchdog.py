@@ -1,4 +1,4 @@
-"""The watchdog's own process: does nothing while the supervisor lives, and damps the robot when it falls silent.
+"""Process of the watchdog: does nothing while the supervisor lives, and damps the robot when it falls silent.
 
     supervisor ──a beat each turn──▶ shared memory ──▶ watchdog ──damping, where beats end──▶ robot
 
@@ -37,9 +37,9 @@ from stiction.deploy.transports.spare import open_spare
 from stiction.files.bundle import reread_bundle
 
 BEAT, LIMIT, NUMBER, ACTED, HEARD, LOOKED = range(6)
-"""Places in the shared memory. Of the supervisor: when its last turn began [s]; the longest silence [s], 0 while
-nothing is guarded, `OVER` once the run is; number of its last command. Of the watchdog: when it took over, 0: it has
-not; the last beat that it had heard then; when it looked last [s]."""
+"""Places in the shared memory. Of the supervisor: begin of its last turn [s]; longest silence [s], 0 while
+nothing is guarded, `OVER` once the run is over; number of its last command. Of the watchdog: time of its takeover, 0
+without one; last beat by then; time of its last look [s]."""
 
 OVER = -1.0
 
@@ -47,10 +47,10 @@ LOOK = 0.01
 """Longest time between two looks [s]."""
 
 AGAIN = 0.002
-"""Time between the two looks that must both find the supervisor silent [s]: who was itself halted looks twice."""
+"""Time between the two looks that must both show a silent supervisor [s]: a watchdog that was halted looks twice."""
 
 READY, FAILED = b"+", b"-"
-"""First byte of what it says once: its writer's name, or why it cannot be."""
+"""First byte of its only message, before its writer's name, or the reason of a failure."""
 
 
 def shared_memory() -> int:
@@ -70,13 +70,13 @@ def mapped(file: int) -> np.ndarray:
 
 
 class Vigil:
-    """Judges the supervisor's beats; has no clock of its own."""
+    """Judge of the supervisor's beats; has no clock of its own."""
 
     def __init__(self) -> None:
         self._silent = False
 
     def look(self, beat: float, limit: float, now: float) -> bool:
-        """Return whether the supervisor is silent: two looks in a row found its last beat older than the limit [s].
+        """Return True if the supervisor is silent: its last beat was older than the limit [s] in two looks in a row.
 
         limit: 0 or less: nothing is guarded.
         """
@@ -91,17 +91,17 @@ class Vigil:
 
 
 class Takeover:
-    """Damps a robot in the supervisor's place; has no clock of its own."""
+    """Damping of a robot in the supervisor's place; has no clock of its own."""
 
     def __init__(self, link: Link, cfg: SupervisorCfg, kd: np.ndarray, now: float) -> None:
-        """Begin at `now` [s]; kd: of the damping frame [N m s/rad], shape (J,)."""
+        """Start at `now` [s]; kd: gains of the damping frame [N m s/rad], shape (J,)."""
         self._link, self._begin = link, now
         self._settling, zero = Settling(cfg, len(kd), now), np.zeros(len(kd))
         self._frame = JointCommand(zero, zero, kd, zero)
 
     def step(self, now: float) -> bool:
-        """Send a damping frame, once a period; return whether it was the last."""
-        states = self._link.receive()  # First: some robots are told nothing before they have said something.
+        """Send a damping frame, once a period; return True if it was the last."""
+        states = self._link.receive()  # First: some robots can be sent nothing before their first state.
         self._link.send(self._frame)
         if states:
             self._settling.look(states[-1].sensors, now)
@@ -109,7 +109,7 @@ class Takeover:
 
 
 def watch(memory: np.ndarray, link: Link, cfg: SupervisorCfg, kd: np.ndarray, parent: int) -> float | None:
-    """Watch until the run is over, or damp; return for how long the robot was damped [s], None where it never was.
+    """Watch until the run is over, or damp; return the time of damping [s], None without damping.
 
     parent: file that is readable once the supervisor's process is gone, see `parent_pipe`.
     """
@@ -135,7 +135,7 @@ def watch(memory: np.ndarray, link: Link, cfg: SupervisorCfg, kd: np.ndarray, pa
 
 def main(path: str, number: str, digest: str, memory: str, settings: str) -> int:
     """Watch until the run is over; return the exit status."""
-    # What ends the whole group, or is sent to each of its processes, must not end this one first.
+    # A signal to the whole group, or to each of its processes, must not end this one first.
     for name in SIGNALS:
         signal.signal(name, signal.SIG_IGN)
     limit_library_threads()

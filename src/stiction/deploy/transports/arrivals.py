@@ -1,8 +1,8 @@
-"""Tells new states from repeated and late ones, and gives each the time of its measurement on a monotonic clock.
+"""Detection of new states among repeated and late ones, with the time of measurement on a monotonic clock.
 
 A network delivers a state twice, behind a newer one, or not at all, and a robot's clock is set while it walks. None of
-that stops a run by itself: what is not new is counted and ignored, and where the clock was set the time goes on as if
-it had not been. What lasts is for the supervisor: `stale state`, `lossy link`.
+that stops a run by itself: a state that is not new is counted and ignored, and where the clock was set the time goes
+on as if it had not been. Lasting faults are for the supervisor: `stale state`, `lossy link`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 STEP = 0.05
-"""How much a stamp may be ahead of the fastest message before the clock counts as set [s]. A smaller step forward
+"""Lead of a stamp over the fastest message above which the clock counts as set [s]. A smaller step forward
 breaks no rule."""
 
 DRIFT = 0.01
@@ -25,16 +25,16 @@ STEPS_APART = 10.0
 in: `time jump`, or `time stands still`."""
 
 RESUMED = 0.005
-"""Time for which older stamps follow each other, and time, until they are those of a clock that was set back [s]. What
-a network delivers late comes at once."""
+"""Time for which older stamps follow each other before they count as those of a clock that was set back [s]. Late
+messages of a network come at once."""
 
 REMEMBERED = 64
-"""Numbers of messages that are remembered, to tell one that comes twice from one that comes late."""
+"""Number of messages that are remembered, to tell one that comes twice from one that comes late."""
 
 
 @dataclass
 class Counts:
-    """States of one robot that did not come as they were sent."""
+    """Counts of one robot's states that did not arrive as they were sent."""
 
     new: int = 0
     """States that were taken."""
@@ -47,7 +47,7 @@ class Counts:
     reordered: int = 0
     """States that came behind a newer one; ignored."""
     clock_steps: int = 0
-    """How often the robot's clock was set."""
+    """Number of times that the robot's clock was set."""
 
     @property
     def share(self) -> tuple[float, float]:
@@ -56,7 +56,7 @@ class Counts:
         return bad, self.new + bad
 
     def reported(self) -> dict[str, float]:
-        """Return what the report and the log have of them, by `COUNTED`."""
+        """Return the counts of report and log, by `COUNTED`."""
         return {name: getattr(self, name) for name in COUNTED}
 
 
@@ -65,10 +65,10 @@ COUNTED = ("dropped", "late", "twice", "reordered", "clock_steps")
 
 
 class Arrivals:
-    """Judges messages of one robot, in the order in which they come; its size does not grow."""
+    """Filter of one robot's messages, in the order of their arrival; its size does not grow."""
 
     def __init__(self, dropped: float = 0) -> None:
-        """dropped: NaN where messages have no numbers, by which lost ones could be counted."""
+        """Start without messages; dropped: NaN where messages have no numbers, by which lost ones could be counted."""
         self._dropped = dropped
         self._number = self._seen = 0
         self._stamp = self._arrival = self._monotonic = math.nan
@@ -79,7 +79,7 @@ class Arrivals:
         self.begin()
 
     def begin(self) -> None:
-        """Count from here on: what was lost before a run is no fault of it."""
+        """Count from here on: a loss before a run is no fault of it."""
         self.counts = Counts(dropped=self._dropped)
 
     def take(
@@ -94,7 +94,7 @@ class Arrivals:
 
         stamp: by the robot's clock [s], which may be set; arrival: on our own monotonic clock [s]; number: of the
         robot's messages, where they are numbered; monotonic: by a monotonic clock of the robot [s], where it says
-        one; content: what to compare messages of one stamp by. A time that is not finite is returned as it is.
+        one; content: value that messages of one stamp are compared by. A time that is not finite is returned as it is.
         """
         if not math.isfinite(stamp):
             return stamp
@@ -104,12 +104,12 @@ class Arrivals:
         return self._time(stamp, arrival, monotonic, content)
 
     def _is_next(self, number: int) -> bool:
-        """Return whether a number is higher than all before it, and count what is missing, comes late or again."""
+        """Return True if a number is higher than all before it; count missing, late and repeated ones."""
         ahead, counts = number - self._number, self.counts
         if not self._seen or ahead > 0:
             counts.dropped += ahead - 1 if self._seen else 0
-            kept = self._seen << ahead if self._seen and ahead < REMEMBERED else 0
-            self._number, self._seen = number, (kept | 1) % 2**REMEMBERED
+            history = self._seen << ahead if self._seen and ahead < REMEMBERED else 0
+            self._number, self._seen = number, (history | 1) % 2**REMEMBERED
             return True
         bit = 1 << -ahead if -ahead < REMEMBERED else 0
         if self._seen & bit:
@@ -121,7 +121,7 @@ class Arrivals:
         return False
 
     def _is_new(self, stamp: float, arrival: float, monotonic: float, content: object) -> bool:
-        """Return whether a message without a number is newer than those before it."""
+        """Return True if a message without a number is newer than those before it."""
         if math.isnan(self._stamp):
             return True
         # The robot's monotonic clock decides, if it has one that runs.
@@ -141,7 +141,7 @@ class Arrivals:
         return False
 
     def _was_set_back(self, stamp: float, arrival: float) -> bool:
-        """Return whether older stamps have followed each other for so long that the clock was set back."""
+        """Return True if older stamps have followed each other for so long that the clock was set back."""
         if self._older and stamp <= self._older[-1][0]:
             self._older = []
         self._older = [*self._older[:1], (stamp, arrival)]

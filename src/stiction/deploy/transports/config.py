@@ -1,4 +1,4 @@
-"""Which robot is meant and how it is reached: `virtual`, `unitree-go:eth0`, `unitree-hg:eth0`, `ros2:/NAMESPACE`.
+"""Address of a robot: `virtual`, `unitree-go:eth0`, `unitree-hg:eth0`, `ros2:/NAMESPACE`.
 
 No transport is loaded here: `--help` must be quick.
 """
@@ -17,12 +17,12 @@ WANTS = {
     "unitree-hg": "the network interface with the robot's cable, such as unitree-hg:eth0",
     "ros2": "the namespace of the robot's topics, such as ros2:/dog, or ros2:/ where they have none",
 }
-"""Transport -> what has to be named with it; empty: nothing."""
+"""Transport -> place that has to be named with it; empty: none."""
 
 
 @dataclass(frozen=True)
 class Address:
-    """A transport and where on it."""
+    """Transport, and the robot's place on it."""
 
     transport: str
     place: str
@@ -30,17 +30,17 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Return the address that a text says.
+    """Return the address in a text.
 
-    Raises `ConfigurationError` for a transport that there is not, and for one whose place is not named: which network a
-    robot is on is never guessed.
+    Raises `ConfigurationError` for an unknown transport, and for a missing place: the robot's network is never
+    guessed.
     """
     transport, _, place = text.partition(":")
     if transport not in WANTS:
         raise ConfigurationError(unknown_name("robot transport", transport, WANTS))
     wanted = WANTS[transport]
     if wanted and not place:
-        raise ConfigurationError(f"robot {text!r} does not say where; expected {wanted}")
+        raise ConfigurationError(f"robot: got {text!r} without a place, expected {wanted}")
     if place and not wanted:
         raise ConfigurationError(f"robot {text!r}: {transport} is on this machine; expected {transport}")
     return Address(transport, place)
@@ -48,12 +48,12 @@ def parse_address(text: str) -> Address:
 
 @dataclass(frozen=True)
 class HeldCfg:
-    """Gains with which joints are held that the robot has and the policy does not move."""
+    """Gains for joints of the robot that the policy does not move."""
 
     kp: Annotated[float | None, FLAG] = None
-    """[N m/rad]; needed where there are such joints."""
+    """Proportional gain [N m/rad]; needed where there are such joints."""
     kd: Annotated[float | None, FLAG] = None
-    """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
+    """Derivative gain [N m s/rad]; needed where there are such joints; it damps them after a stop."""
 
     def __post_init__(self) -> None:
         for value in (self.kp, self.kd):

@@ -1,6 +1,6 @@
 """Unitree's two topics over DDS, as bytes: `rt/lowstate` comes, `rt/lowcmd` goes. Needs the extra `unitree`.
 
-Cyclone DDS does discovery and transport; what is in a message, `formats.unitree` knows. Its own way of turning messages
+Cyclone DDS does discovery and transport; `files.unitree` knows the content of messages. Its own way of turning them
 into Python objects is too slow for a state of 35 motors, of which 500 come a second; so bytes go through as they are.
 """
 
@@ -32,13 +32,13 @@ MOST_WAITING = 64
 """States that may wait: an eighth of a second at 500 Hz. More are lost, the oldest first."""
 
 WAKE_MS = 100
-"""How often the watching thread looks whether it is still wanted [ms]."""
+"""Time between the watching thread's checks for its end [ms]."""
 
 PEERS_SECONDS = 0.01
-"""Time after which Cyclone is asked again who is there [s]; that costs 50 µs."""
+"""Time between queries of Cyclone for peers [s]; one costs 50 µs."""
 
 MOST_PARTICIPANTS = 256
-"""Programs of a domain that are looked at for a name."""
+"""Most programs of a domain that are searched for a name."""
 
 HANDLE = 2**64 - 1
 """Mask of a handle: some of Cyclone's functions return it with a sign, some without."""
@@ -56,21 +56,21 @@ def domain_settings(interface: str) -> str:
 
 
 class DdsBus:
-    """The two topics of one robot over Cyclone DDS on one network interface, and no other; sending never waits.
+    """Bus with the two topics of one robot over Cyclone DDS on one network interface; sending never waits.
 
-    The writer of the first state is pinned: states of any other are not believed, but counted.
+    The writer of the first state is pinned: states of any other are not used, but counted.
     """
 
     def __init__(self, interface: str, state: Structure, command: Structure, domain: int = 0) -> None:
         """Join a domain; nothing is sent.
 
-        Raises `ConfigurationError`: no such interface or domain; `RobotError`: cyclonedds is not there, or cannot use
+        Raises `ConfigurationError`: no such interface or domain; `RobotError`: cyclonedds is missing, or cannot use
         it.
         """
-        if interface not in (there := [known for _, known in socket.if_nameindex()]):
+        if interface not in (interfaces := [known for _, known in socket.if_nameindex()]):
             raise ConfigurationError(
-                f"no network interface {interface!r} on this machine; it has {', '.join(there)}: name the one with the "
-                "robot's cable"
+                f"no network interface {interface!r} on this machine; it has {', '.join(interfaces)}: name the one "
+                "with the robot's cable"
             )
         if not 0 <= domain <= MOST_DOMAIN:
             raise ConfigurationError(f"--domain: got {domain}, expected 0 to {MOST_DOMAIN}; choose the robot's own")
@@ -89,7 +89,7 @@ class DdsBus:
             # With 0 ns, to write never waits for a slow reader: it fails, and the command is lost.
             writer_qos = dds.qos.Qos(policy.Reliability.Reliable(0), policy.History.KeepLast(1))
             self._states = dds.sub.DataReader(participant, states, reader_qos)
-            self._others = dds.sub.DataReader(participant, commands, dds.qos.Qos(*fresh, policy.History.KeepLast(1)))
+            self._commands = dds.sub.DataReader(participant, commands, dds.qos.Qos(*fresh, policy.History.KeepLast(1)))
             self._writer = dds.pub.DataWriter(participant, commands, writer_qos)
             everybody = dds.builtin.BuiltinTopicDcpsParticipant
             self._participants = dds.builtin.BuiltinDataReader(participant, everybody)
@@ -101,9 +101,9 @@ class DdsBus:
         except dds.core.DDSException as error:
             raise RobotError(f"DDS cannot use the network interface {interface!r}: {error}") from error
         self.writer, self._known = str(participant.guid), set[str]()
-        """This program among those of the domain."""
+        """Identifier of this program in the domain."""
         self._error, self._wire = dds.core.DDSException, wire_type(command)
-        self._entities: list[Any] = [come, self._writer, self._others, self._states, self._participants]
+        self._entities: list[Any] = [come, self._writer, self._commands, self._states, self._participants]
         self._entities += [states, commands, participant]
         self._pinned, self._lost, self._writers = 0, 0, dict[int, str]()
         self._peers, self._asked, self._counts = Peers(), -PEERS_SECONDS, (-1, -1)
@@ -125,13 +125,13 @@ class DdsBus:
         return self._bell.fileno()
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return the states that have come, oldest first, each with its writer's time [ns]; never waits."""
+        """Return the new states, oldest first, each with its writer's time [ns]; never waits."""
         # First: what comes from here on rings again.
         self._bell.silence()
-        found = self._states.take(MOST_WAITING)
+        samples = self._states.take(MOST_WAITING)
         self._heard.set()
         came = []
-        for sample in found:
+        for sample in samples:
             if not hasattr(sample, "data"):
                 continue  # A writer that leaves gives samples without data.
             writer = sample.sample_info.publication_handle & HANDLE
@@ -144,25 +144,29 @@ class DdsBus:
         return came
 
     def lost(self) -> int:
-        """Return how many states were lost on the way since the last call, as DDS counts them."""
+        """Return the number of states lost on the way since the last call, as DDS counts them."""
         before, self._lost = self._lost, self._states.get_sample_lost_status().total_count
         return self._lost - before
 
     def foreign(self) -> bool:
-        """Return whether another participant has sent a command since the last call; those of `know` are none."""
-        sent = [sample.sample_info for sample in self._others.take(1) if hasattr(sample, "data")]
+        """Return True if another participant has sent a command since the last call; those of `know` do not count."""
+        sent = [sample.sample_info for sample in self._commands.take(1) if hasattr(sample, "data")]
         return bool(sent) and sent[0].publication_handle & HANDLE not in self._known_writers()
 
     def know(self, writer: str) -> None:
-        """Count a participant as ours: its commands and its readers are nobody else's; writer: its `writer`."""
+        """Count a participant as ours: its commands and readers are not foreign; writer: its `writer`."""
         self._known.add(writer)
         self._asked, self._counts = -PEERS_SECONDS, (-1, -1)
 
     def _known_writers(self) -> set[int]:
         """Return the handles of the known participants' writers of commands."""
-        handles = self._others.get_matched_publications() if self._known else ()
-        found = ((handle & HANDLE, self._others.get_matched_publication_data(handle)) for handle in handles)
-        return {handle for handle, said in found if said is not None and str(said.participant_key) in self._known}
+        handles = self._commands.get_matched_publications() if self._known else ()
+        data = ((handle & HANDLE, self._commands.get_matched_publication_data(handle)) for handle in handles)
+        return {
+            handle
+            for handle, publication in data
+            if publication is not None and str(publication.participant_key) in self._known
+        }
 
     def peers(self) -> Peers:
         """Return every writer of states that was heard or announced, and the readers of commands."""
@@ -201,7 +205,7 @@ class DdsBus:
         self._heard.set()
         self._watcher.join()
         self._bell.close()
-        del self._waits, self._states, self._others, self._writer, self._participants
+        del self._waits, self._states, self._commands, self._writer, self._participants
         while self._entities:
             self._entities.pop(0)  # Cyclone deletes an entity with its last reference, and parts before their whole
         del self._domain
@@ -224,11 +228,11 @@ def _cyclone() -> Any:
 
 def _program(participant: Any) -> str:
     """Return a participant's program, process and machine, as it announces them; else its identifier."""
-    said = {getattr(part, "key", ""): getattr(part, "value", "") for part in participant.qos}
-    if "__ProcessName" not in said:
+    properties = {getattr(part, "key", ""): getattr(part, "value", "") for part in participant.qos}
+    if "__ProcessName" not in properties:
         return str(participant.key)
-    where = f"{said.get('__Hostname', '?')}, {said.get('__NetworkAddresses', '?')}"
-    return f"{said['__ProcessName']} (process {said.get('__Pid', '?')} on {where})"
+    where = f"{properties.get('__Hostname', '?')}, {properties.get('__NetworkAddresses', '?')}"
+    return f"{properties['__ProcessName']} (process {properties.get('__Pid', '?')} on {where})"
 
 
 @cache

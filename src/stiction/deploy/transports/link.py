@@ -1,4 +1,4 @@
-"""What the supervisor asks of a robot, whatever carries it, and what a robot says of itself."""
+"""Interface between the supervisor and a robot, for every transport, and the state that a robot reports."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from stiction.deploy.transports.messages import Layout, Message
 STATE, COMMAND = 1, 2
 
 MEASURED = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
-"""What every robot measures, of the fields of `Sensors`."""
+"""Fields of `Sensors` that every robot measures."""
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """What a robot said at one instant; J joints, L feet. NaN where a robot does not say it."""
+    """State of a robot at one instant; J joints, L feet. NaN where a robot does not report a value."""
 
     number: int
-    """Of its messages, from 1 on."""
+    """Number of its message, from 1 on."""
     time: float
-    """On the robot's own clock, without the steps of that clock [s]."""
+    """Time on the robot's own clock, without the steps of that clock [s]."""
     sensors: Sensors
     """IMU and encoders: quaternion (4,), angular velocity (3,), joint angles and velocities (J,)."""
     acceleration: np.ndarray
@@ -37,21 +37,21 @@ class RobotState:
     joint_torque: np.ndarray
     """Motor current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     temperature: np.ndarray
-    """Of the motors [°C], shape (J,)."""
+    """Temperatures of the motors [°C], shape (J,)."""
     lost: np.ndarray
     """Messages of each motor that did not reach the robot's own computer, counted up since it started, shape (J,)."""
     motor_fault: np.ndarray
-    """What each motor says is wrong with it, the maker's code; 0: nothing, shape (J,)."""
+    """Fault that each motor reports, the maker's code; 0: none, shape (J,)."""
     foot_contact: np.ndarray
     """1 where a foot bears load, 0 where it does not, shape (L,)."""
     battery: float
-    """Voltage [V]."""
+    """Battery voltage [V]."""
     kp: np.ndarray
-    """Gains that the motor controllers act with, read back [N m/rad], shape (J,)."""
+    """Proportional gains of the motor controllers, read back [N m/rad], shape (J,)."""
     kd: np.ndarray
-    """[N m s/rad], shape (J,)."""
+    """Derivative gains, read back [N m s/rad], shape (J,)."""
     torque_limit: np.ndarray
-    """[N m], shape (J,)."""
+    """Torque limits, read back [N m], shape (J,)."""
     command: float
     """Number of the last command that the robot took, of whoever sent it."""
     age: float = 0.0
@@ -63,7 +63,7 @@ class Peers:
     """Programs at the other end of a link, in words, as far as the transport tells."""
 
     robots: tuple[str, ...] = ()
-    """Writers of states; the first one is the robot, whose states alone are believed."""
+    """Writers of states; the first one is the robot, whose states alone are used."""
     readers: tuple[str, ...] = ()
     """Readers of commands, the robot's own included: each of them may move by them."""
     writers: tuple[str, ...] = ()
@@ -71,17 +71,17 @@ class Peers:
 
 @dataclass(frozen=True)
 class Spare:
-    """How a second process of ours reaches the same robot, see `transports.spare`."""
+    """Second way to the same robot, for another process of ours, see `transports.spare`."""
 
     transport: str
     settings: Mapping[str, Any]
-    """Of that transport, plain data."""
+    """Settings of that transport, plain data."""
     files: tuple[int, ...] = ()
-    """Files that the other process inherits."""
+    """File descriptors that the other process inherits."""
 
 
 AGES_WINDOW = 1.0
-"""Time within which one message at least is read without delay [s]."""
+"""Time within which at least one message is read without delay [s]."""
 
 
 class Ages:
@@ -91,7 +91,7 @@ class Ages:
         self._least, self._since = (math.inf, math.inf), -math.inf
 
     def age(self, stamp: float, now: float) -> float:
-        """Return for how long a message waited [s]; stamp: on the sender's clock, now: on the reader's [s]."""
+        """Return the time that a message waited [s]; stamp: on the sender's clock, now: on the reader's [s]."""
         offset, (before, current) = now - stamp, self._least
         # Two windows, not one minimum for good: clocks drift apart.
         if now - self._since > AGES_WINDOW:
@@ -101,7 +101,7 @@ class Ages:
 
 
 class Bell:
-    """A file that another thread makes readable, for libraries that have none to wait for; it never waits."""
+    """File that another thread makes readable, for libraries without one; it never waits."""
 
     def __init__(self) -> None:
         self._button, self._ear = socket.socketpair()
@@ -131,7 +131,7 @@ class Bell:
 
 
 class Link(Protocol):
-    """A robot behind a transport. The supervisor alone holds one, since its holder can move the robot."""
+    """Robot behind a transport. The supervisor alone holds one, since its holder can move the robot."""
 
     joint_names: tuple[str, ...]
     """Order of every vector over joints."""
@@ -140,19 +140,19 @@ class Link(Protocol):
     period: float
     """Time between two states [s]."""
     lock_name: str
-    """What one writer at a time may hold: the robot's address, as a name for a file."""
+    """Name of the lock that one writer at a time may hold: the robot's address, as a name for a file."""
     spare: Spare | None
-    """How the watchdog reaches the robot; None: this transport lets no second process of ours write."""
+    """Second way to the robot, for the watchdog; None: this transport lets no second process of ours write."""
     writer: str
     """Name by which other programs know its writer of commands; empty: they know it by its address alone."""
     number: int
-    """Of the last command that was sent."""
+    """Number of the last command that was sent."""
 
     arrivals: Arrivals
-    """What came, and what of it was not new."""
+    """Filter of the robot's messages, with its counts."""
     malformed: int
     complaint: str
-    """What was wrong with the last of them; empty: there was none."""
+    """Fault of the last malformed message; empty: none."""
 
     def fileno(self) -> int:
         """Return the file that is readable when a state has come."""
@@ -161,10 +161,10 @@ class Link(Protocol):
         """Return the new states that have come, oldest first, each newer than all before it; never waits."""
 
     def peers(self) -> Peers:
-        """Return who is at the other end, as far as is known by now; never waits."""
+        """Return the programs at the other end that are known by now; never waits."""
 
     def know(self, writer: str) -> None:
-        """Count a writer of commands as ours: what it sends, and reads, breaks no rule; `writer`: as of that field."""
+        """Count a writer of commands as ours: its commands and readers break no rule; writer: as of that field."""
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. Never waits."""
@@ -188,8 +188,8 @@ def command_layout(joints: int) -> Layout:
 
 def state_vectors(state: RobotState) -> dict[str, np.ndarray | float]:
     """Return a state as the vectors of its message."""
-    own = {name: getattr(state, name) for name in STATE_FIELDS}
-    return own | {name: getattr(state.sensors, name) for name in MEASURED}
+    vectors = {name: getattr(state, name) for name in STATE_FIELDS}
+    return vectors | {name: getattr(state.sensors, name) for name in MEASURED}
 
 
 def state_of(layout: Layout, message: Message, at: float, age: float = 0.0) -> RobotState:
@@ -202,9 +202,9 @@ def state_of(layout: Layout, message: Message, at: float, age: float = 0.0) -> R
 
 
 def command_of(layout: Layout, message: Message) -> JointCommand:
-    """Return the command that a message says."""
+    """Return the command in a message."""
     return JointCommand(**layout.vectors(message))
 
 
 STATE_FIELDS = tuple(part.name for part in fields(RobotState) if part.name not in ("number", "time", "sensors", "age"))
-"""Fields of a robot's message beside the sensors that a policy needs."""
+"""Fields of a robot's message besides the sensors of a policy."""

@@ -2,7 +2,7 @@
 
     4 bytes "STCN", kind and count of values (uint16), number (uint64), time (float64), the values, CRC-32 of all before
 
-All little endian. Only for processes of one machine or one robot's network: a checksum finds accidents, no forgery.
+All little endian. Only for processes of one machine or one robot's network: a checksum detects accidents, not forgery.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ MOST_VALUES = 8000
 
 @dataclass(frozen=True)
 class Message:
-    """One message, read."""
+    """One received message."""
 
     number: int
-    """Of the sender's messages of this kind, from 1 on."""
+    """Number among the sender's messages of this kind, from 1 on."""
     time: float
-    """On the sender's clock [s]."""
+    """Time on the sender's clock [s]."""
     values: np.ndarray
     """All values, shape (size,), read-only."""
     data: bytes
 
 
 class Layout:
-    """The vectors of one kind of message, in their order."""
+    """Vectors of one kind of message, in their order."""
 
     def __init__(self, kind: int, sizes: Mapping[str, int]) -> None:
-        """`sizes`: vector -> how many values it has. Raises `ValueError`: more values than a datagram holds."""
+        """Set the places of the vectors; sizes: vector -> number of values. Raises `ValueError`: too many."""
         self.kind, self.size = kind, sum(sizes.values())
         if self.size > MOST_VALUES:
             raise ValueError(f"{self.size} values in one message; at most {MOST_VALUES} fit")
@@ -50,7 +50,7 @@ class Layout:
         """Length of a message."""
 
     def pack(self, number: int, time: float, vectors: Mapping[str, object]) -> bytes:
-        """Return a message; a vector that is not given is NaN. Raises `KeyError` for a name that the layout lacks."""
+        """Return a message; a missing vector is NaN. Raises `KeyError` for a name that the layout lacks."""
         values = np.full(self.size, np.nan, dtype="<f8")
         for name, vector in vectors.items():
             values[self.places[name]] = vector
@@ -58,7 +58,7 @@ class Layout:
         return body + TAIL.pack(zlib.crc32(body))
 
     def unpack(self, data: bytes) -> Message | None:
-        """Return the fields of a message; None where the bytes are no whole message of this kind."""
+        """Return the fields of a message; None where the bytes are not a whole message of this kind."""
         if len(data) != self.bytes:
             return None
         magic, kind, count, number, time = HEAD.unpack_from(data)

@@ -1,11 +1,11 @@
-"""A robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes.
+"""Link to a robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes.
 
 Needs a ROS 2 installation whose Python is the one that runs this (`rclpy` is on no package index). Gains and targets go
-in one message: a driver that takes targets alone cannot be damped, and is no robot for this.
+in one message: a driver that takes targets alone cannot be damped, and is not supported.
 
-The driver publishes `sensor_msgs/msg/JointState` and `sensor_msgs/msg/Imu`, both with the stamp of when they were
-measured. A command is a `std_msgs/msg/Float64MultiArray` of four rows: target [rad], kp [N m/rad], kd [N m s/rad],
-torque that is added [N m], each in the order of the joints that its layout names. Messages are dictionaries here, which
+The driver publishes `sensor_msgs/msg/JointState` and `sensor_msgs/msg/Imu`, both with the stamp of their measurement.
+A command is a `std_msgs/msg/Float64MultiArray` of four rows: target [rad], kp [N m/rad], kd [N m s/rad],
+added torque [N m], each in the order of the joints that its layout names. Messages are dictionaries here, which
 writers and readers of MCAP files take and give, so that a bag of them is a log.
 """
 
@@ -32,15 +32,15 @@ from stiction.files.contract import Contract
 STATE_TOPIC, IMU_TOPIC, COMMAND_TOPIC = "joint_states", "imu/data", "joint_command"
 
 PERIOD = 0.002
-"""Time between two states that is expected of a driver [s]; another rate only stretches means over time."""
+"""Expected time between two states of a driver [s]; another rate only stretches means over time."""
 
 MOST_WAITING = 64
 
 PEERS_SECONDS = 0.1
-"""Time after which ROS is asked again who is there [s]."""
+"""Time between queries of ROS for peers [s]."""
 
 APART = 0.02
-"""Longest that an IMU's message may be older than the joints' [s]: one control period at 50 Hz."""
+"""Largest age of the IMU's message against the joints' [s]: one control period at 50 Hz."""
 
 
 class Ros2Link:
@@ -67,7 +67,7 @@ class Ros2Link:
 
     def receive(self) -> list[RobotState]:
         """Return the new states that have come, oldest first."""
-        found: list[RobotState] = []
+        states: list[RobotState] = []
         now = time.monotonic()
         for topic, message in self._node.receive():
             if topic == IMU_TOPIC:
@@ -83,11 +83,11 @@ class Ros2Link:
             at = self.arrivals.take(state.time, now, content=b"".join(part.tobytes() for part in parts))
             if at is not None:
                 self._states += 1
-                found.append(replace(state, number=self._states, time=at, age=self._ages.age(at, now)))
-        return found
+                states.append(replace(state, number=self._states, time=at, age=self._ages.age(at, now)))
+        return states
 
     def _state(self, message: Mapping[str, Any]) -> RobotState:
-        """Return the state of a message of the joints; raise `ValueError` where there is none."""
+        """Return the state of a message of the joints; raise `ValueError` without one."""
         if self._imu is None:
             raise ValueError(f"no message on {IMU_TOPIC} yet")
         at = stamp_of(message)
@@ -99,7 +99,7 @@ class Ros2Link:
         return state
 
     def peers(self) -> Peers:
-        """Return the nodes at the topics. A message does not say whose it is: they are counted, not told apart."""
+        """Return the nodes at the topics. A message does not name its sender: they are counted, not told apart."""
         if (now := time.monotonic()) - self._asked >= PEERS_SECONDS:
             self._asked, self._peers = now, Peers(*self._node.nodes())
         return self._peers
@@ -119,17 +119,17 @@ class Ros2Link:
 
 
 def ros2_link(namespace: str, contract: Contract) -> Ros2Link:
-    """Return the link to the driver in a namespace; raise `RobotError` where there is no ROS 2."""
+    """Return the link to the driver in a namespace; raise `RobotError` without ROS 2."""
     if not namespace.startswith("/") or not all(part.isidentifier() for part in namespace.split("/") if part):
         raise ConfigurationError(f"namespace {namespace!r}: expected such as /dog, or / for none")
     return Ros2Link(RclpyNode(namespace), contract, f"ros2{namespace.replace('/', '-')}")
 
 
 class RclpyNode:
-    """A node of ROS by rclpy, which spins in a thread of its own: messages as plain data."""
+    """Node of ROS by rclpy, which spins in a thread of its own: messages as plain data."""
 
     def __init__(self, namespace: str) -> None:
-        """Subscribe and advertise; nothing is sent. Raises `RobotError` where ROS 2 is not there."""
+        """Subscribe and advertise; nothing is sent. Raises `RobotError` without ROS 2."""
         try:
             import rclpy
             from rclpy.executors import SingleThreadedExecutor
@@ -157,7 +157,7 @@ class RclpyNode:
 
     def _hear(self, topic: str, message: Any) -> None:
         self._waiting.append((topic, plain(message)))
-        # Behind it: who is woken has to find the message.
+        # Behind it: the process that is woken has to find the message.
         self._bell.ring()
 
     def fileno(self) -> int:
@@ -172,7 +172,7 @@ class RclpyNode:
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-        """Return the nodes that publish joint states, that read commands, and that publish commands beside ours."""
+        """Return the nodes that publish joint states, that read commands, and that publish commands besides ours."""
         states, commands = self._topics
         ask_writers, ask_readers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
         robots, readers, writers = (
@@ -186,7 +186,7 @@ class RclpyNode:
     def publish(self, message: Mapping[str, Any]) -> None:
         """Send a command."""
         array, layout, dimension = self._kinds
-        dim = [dimension(**given) for given in message["layout"]["dim"]]
+        dim = [dimension(**fields) for fields in message["layout"]["dim"]]
         self._publisher.publish(array(layout=layout(dim=dim, data_offset=0), data=message["data"]))
 
     def close(self) -> None:
@@ -211,11 +211,11 @@ ROWS = ("target", "kp", "kd", "forward")
 """Rows of a command, fields of `JointCommand`."""
 
 MOST_JOINTS = 1000
-"""Joints of a message that are looked at."""
+"""Most joints of a message."""
 
 
 def stamp_of(message: Mapping[str, Any]) -> float:
-    """Return when a message was measured, by its header [s]; raise `ValueError` where it does not say."""
+    """Return the time of a message's measurement, by its header [s]; raise `ValueError` without a stamp."""
     stamp = message["header"]["stamp"]
     time = float(stamp["sec"]) + 1e-9 * float(stamp["nanosec"])
     if not time > 0:
@@ -226,7 +226,7 @@ def stamp_of(message: Mapping[str, Any]) -> float:
 def joint_vectors(message: Mapping[str, Any], joints: Sequence[str]) -> dict[str, np.ndarray]:
     """Return position [rad], velocity [rad/s] and effort [N m] in an order of joints, each of shape (J,).
 
-    Effort that is not there is NaN. Raises `ValueError`: a joint is missing or named twice, or lengths differ.
+    Missing effort is NaN. Raises `ValueError`: a joint is missing or named twice, or lengths differ.
     """
     names = list(message["name"])
     if len(names) > MOST_JOINTS:
@@ -235,15 +235,15 @@ def joint_vectors(message: Mapping[str, Any], joints: Sequence[str]) -> dict[str
     missing = [name for name in joints if name not in place]
     if missing or len(place) != len(names):
         raise ValueError(f"joint {missing[0]!r} is not in it" if missing else "a joint is in it twice")
-    order, found = [place[name] for name in joints], {}
+    order, vectors = [place[name] for name in joints], {}
     for field in ("position", "velocity", "effort"):
         values = np.asarray(message[field], dtype=np.float64)
         if values.shape == (0,) and field == "effort":
             values = np.full(len(names), np.nan)
         if values.shape != (len(names),):
             raise ValueError(f"{values.size} numbers of {field} for {len(names)} joints")
-        found[field] = values[order]
-    return found
+        vectors[field] = values[order]
+    return vectors
 
 
 def imu_vectors(message: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -254,14 +254,14 @@ def imu_vectors(message: Mapping[str, Any]) -> dict[str, np.ndarray]:
     if float(message["orientation_covariance"][0]) == -1.0:
         raise ValueError("the IMU says that it has no orientation")
     orders = {"orientation": "wxyz", "angular_velocity": "xyz", "linear_acceleration": "xyz"}
-    found = [np.array([float(message[field][axis]) for axis in order]) for field, order in orders.items()]
-    return dict(zip(("quaternion", "angular_velocity", "acceleration"), found, strict=True))
+    arrays = [np.array([float(message[field][axis]) for axis in order]) for field, order in orders.items()]
+    return dict(zip(("quaternion", "angular_velocity", "acceleration"), arrays, strict=True))
 
 
 def robot_state(
     joint_state: Mapping[str, Any], imu: Mapping[str, Any], joints: Sequence[str], feet: int, number: int, first: float
 ) -> RobotState:
-    """Return what the two messages say; `first`: stamp from which time is counted [s]. Raises `ValueError`."""
+    """Return the state of two messages; first: stamp from which time is counted [s]. Raises `ValueError`."""
     vectors, body = joint_vectors(joint_state, joints), imu_vectors(imu)
     unknown = np.full(len(joints), np.nan)
     sensors = Sensors(body["quaternion"], body["angular_velocity"], vectors["position"], vectors["velocity"])
@@ -295,7 +295,7 @@ def command_message(command: JointCommand, joints: Sequence[str]) -> dict[str, A
 def read_command(message: Mapping[str, Any], joints: Sequence[str]) -> JointCommand:
     """Return the command that a message holds, for the driver at the other end.
 
-    Raises `ValueError`: other rows or joints than expected, another number of values, or what is no number.
+    Raises `ValueError`: other rows or joints than expected, another number of values, or one that is not finite.
     """
     rows, columns = (dim["label"] for dim in message["layout"]["dim"])
     data = np.asarray(message["data"], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""A second way to a robot, for the watchdog's process: where the transport lets a second process of ours write."""
+"""Second way to a robot, for the watchdog's process: where the transport lets a second process of ours write."""
 
 from __future__ import annotations
 

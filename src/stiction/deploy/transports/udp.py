@@ -1,4 +1,4 @@
-"""A robot behind UDP datagrams: the virtual robot on loopback, or any robot for which somebody wrote the other end."""
+"""Link to a robot behind UDP datagrams: the virtual robot on loopback, or any robot with such an end."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ LOOPBACK = "127.0.0.1"
 HELLO = b"STCN?"
 
 MOST_AT_ONCE = 256
-"""Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
+"""Most datagrams that are read in one go; a flood of the port does not hold up the supervisor."""
 
 QUEUE = 2**22
-"""Size of the queue of states that is asked for [B], two seconds of them: on a busy computer they come in bursts, and
-what does not fit is lost as if the way had lost it."""
+"""Requested size of the queue of states [B], two seconds of them: on a busy computer they come in bursts, and
+a state that does not fit counts as lost on the way."""
 
 STRANGERS_AT_ONCE = 8
-"""Datagrams of other addresses that are looked at in one go."""
+"""Most datagrams of other addresses that are read in one go."""
 
 ARRIVAL = 35
 """Linux: SO_TIMESTAMPNS and its message, the time of arrival as seconds and nanoseconds since 1970."""
@@ -36,7 +36,7 @@ TIMESPEC = struct.Struct("@ll")
 
 
 class UdpLink:
-    """`Link` over UDP to one address, pinned from the begin: states of any other are not believed, but counted.
+    """`Link` over UDP to one address, pinned from the begin: states of any other are not used, but counted.
 
     The system sorts the datagrams, into a socket for that address and one for all others: a flood from elsewhere cannot
     push out the robot's states.
@@ -52,7 +52,7 @@ class UdpLink:
     ) -> None:
         """Open a port of our own, on the way to the robot's address, and send nothing.
 
-        file: of a port that another process has opened so, in its place; the address is then not looked at.
+        file: descriptor of a port that another process has opened so, in its place; the address is then not used.
 
         Raises `RobotError`: there is no way to that address.
         """
@@ -61,11 +61,11 @@ class UdpLink:
         self._states = state_layout(len(joint_names), len(foot_names))
         self._commands = command_layout(len(joint_names))
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM, fileno=file)
-        # The same port, so that the robot hears one writer, and goes on saying to it what it measures.
+        # The same port, so that the robot hears one writer, and goes on sending its states to it.
         names = {"joint_names": self.joint_names, "foot_names": self.foot_names, "period": period}
         self.spare: Spare | None = Spare("udp", names, (self._socket.fileno(),))
         self.writer = ""
-        # From a number of chance, so that a second writer's commands are not taken for ours.
+        # From a random number, so that a second writer's commands are not taken for ours.
         self.number = secrets.randbits(40)
         self.malformed, self.complaint = 0, ""
         self.arrivals, self._emptied = Arrivals(), time.monotonic()
@@ -96,26 +96,26 @@ class UdpLink:
 
     def receive(self) -> list[RobotState]:
         """Return the whole and new states that have come, oldest first."""
-        found: list[RobotState] = []
-        # What has come since the port was last empty has not waited for longer, whatever a clock says that was set.
+        states: list[RobotState] = []
+        # A state that has come since the port was last empty has not waited for longer, whatever its stamp.
         longest, emptied = (now := time.monotonic()) - self._emptied, False
         for _ in range(MOST_AT_ONCE):
             try:
                 data, extra, _, _ = self._socket.recvmsg(self._states.bytes + 1, 64)
-            except OSError:  # Nothing there, or nobody at the other end: the state will be found stale.
+            except OSError:  # No datagram, or no process at the other end: the state will be found stale.
                 emptied = True
                 break
             message = self._states.unpack(data)
             if message is None:
                 self.malformed += 1
-                self.complaint = f"{len(data)} bytes that are no whole state of this robot"
+                self.complaint = f"{len(data)} bytes, not a whole state of this robot"
                 continue
             age = min(_age(extra), longest)
             at = self.arrivals.take(message.time, now - age, message.number)
             if at is not None:
-                found.append(state_of(self._states, message, at, age))
+                states.append(state_of(self._states, message, at, age))
         self._emptied = now if emptied else self._emptied
-        return found
+        return states
 
     def peers(self) -> Peers:
         """Return the robot, and other addresses from which whole states have come; commands reach the robot alone."""
@@ -132,7 +132,7 @@ class UdpLink:
         """Do nothing: the watchdog writes from this very port."""
 
     def send(self, command: JointCommand) -> int:
-        """Send a command; return its number. What cannot be sent is lost, as a datagram is."""
+        """Send a command; return its number. A command that cannot be sent is lost, as a datagram is."""
         self.number += 1
         data = self._commands.pack(self.number, 0.0, vars(command))
         with suppress(OSError):
@@ -146,7 +146,7 @@ class UdpLink:
 
 
 def _age(extra: list[tuple[int, int, bytes]]) -> float:
-    """Return for how long a datagram waited [s], by what the system says of it; 0 where it says nothing."""
+    """Return the time that a datagram waited [s], by the system's stamp; 0 without one."""
     for level, kind, data in extra:
         if (level, kind) == (socket.SOL_SOCKET, ARRIVAL) and len(data) >= TIMESPEC.size:
             seconds, nanoseconds = TIMESPEC.unpack_from(data)

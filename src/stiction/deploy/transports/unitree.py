@@ -1,7 +1,7 @@
-"""A Unitree robot behind `rt/lowstate` and `rt/lowcmd`: `unitree-go` is Go2 and B2, `unitree-hg` is G1 and H1-2.
+"""Link to a Unitree robot by `rt/lowstate` and `rt/lowcmd`: `unitree-go` is Go2 and B2, `unitree-hg` is G1 and H1-2.
 
-What is ours, joint by joint, becomes the maker's by order, signs and zeros in the contract (`deploy.vendor`). Motors
-that nobody drives are off. Joints that the robot has and the policy does not move are held: from where they were found
+Our values, joint by joint, become the maker's by order, signs and zeros in the contract (`deploy.vendor`). Undriven
+motors are off. Joints that the robot has and the policy does not move are held: from their measured angles
 they go to their angles slowly, and they are damped when the others are.
 
     robot ──LowState──▶ checksum, mode ──▶ RobotState        JointCommand ──▶ LowCmd, checksum ──▶ robot
@@ -42,35 +42,35 @@ TICK = 1e-3
 """Unit of `tick`, the robot's monotonic count since it was switched on [s]; a simulator may leave it at 0."""
 
 TICKS = 2**32
-"""Number of ticks after which they begin again."""
+"""Number of ticks after which the count begins again."""
 
 HELD_SPEED = 0.5
-"""How fast joints that the policy does not move go to where they are held [rad/s]."""
+"""Speed at which joints that the policy does not move go to their held angles [rad/s]."""
 
 HELD_STEP = 0.1
-"""Longest time that one step of theirs makes up for [s]: after a pause they do not jump."""
+"""Longest time that one step of held joints makes up for [s]: after a pause they do not jump."""
 
 FOREIGN = 0.0
-"""Number of a command that was not ours; ours begin with 1."""
+"""Number of a command that is not ours; ours begin with 1."""
 
 
 FAMILIES = {"unitree-go": (GO_STATE, GO_COMMAND), "unitree-hg": (HG_STATE, HG_COMMAND)}
-"""Transport -> the messages of its robots: what they say, and what they are told."""
+"""Transport -> messages of its robots: states and commands."""
 
 
 class Translation:
-    """What a contract's joints are in the messages of one family, and back. Keeps nothing."""
+    """Translation of a contract's joints to the messages of one family, and back. Keeps no state."""
 
     def __init__(self, transport: str, contract: Contract, held: HeldCfg) -> None:
         """Drive the joints of a contract.
 
-        Raises `RobotError`: the contract does not say the maker's order, or names more joints than the messages have;
+        Raises `RobotError`: the contract lacks the maker's order, or names more joints than the messages have;
         `ConfigurationError`: there are joints to be held, and no gains.
         """
-        (self.said, self.told), self.joint_names = FAMILIES[transport], contract.joint_names
+        (self.state_structure, self.command_structure), self.joint_names = FAMILIES[transport], contract.joint_names
         self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
         self._maker = VendorMap(contract)
-        motors = self.told.dtype["motor_cmd"].shape[0]
+        motors = self.command_structure.dtype["motor_cmd"].shape[0]
         if len(self._maker.order) > motors:
             raise RobotError(f"{len(self._maker.order)} joints in the contract; {transport} has {motors} motors")
         self._held = self._maker.held
@@ -81,11 +81,11 @@ class Translation:
             )
         self._held_kp, self._held_kd = held.kp or 0.0, held.kd or 0.0
         self.held_goal = self._maker.to_maker(np.zeros(len(self.joint_names)))
-        """Where held joints are to be, in the maker's numbers [rad], shape (M,); of the others it says nothing."""
+        """Goal of held joints, in the maker's numbers [rad], shape (M,); other entries have no meaning."""
 
     def read(self, data: bytes) -> np.ndarray:
-        """Return the message that bytes from the robot hold; raise `ValueError` where it is not to be believed."""
-        structure = self.said
+        """Return the message in bytes from the robot; raise `ValueError` where it is invalid."""
+        structure = self.state_structure
         message = structure.from_wire(data)
         if (right := structure.checksum(message)) != (crc := int(message["crc"])):
             why = "" if crc else "; unitree_mujoco in Python sends none, see the page Bringing up your robot"
@@ -110,7 +110,7 @@ class Translation:
             joint_position=self._maker.from_maker(self.measured(message)),
             joint_velocity=self._maker.rates_from_maker(motors["dq"].astype(float)),
         )
-        if self.said is GO_STATE:
+        if self.state_structure is GO_STATE:
             temperature, lost = motors["temperature"], self._maker.ours(motors["lost"].astype(float))
             fault = motors["reserve"][:, 0] + 256.0 * (message["bit_flag"] & MOTORS_TIMED_OUT)
             battery = float(message["power_v"])
@@ -128,7 +128,7 @@ class Translation:
             motor_fault=self._maker.ours(fault),
             foot_contact=np.full(len(self.foot_names), np.nan),
             battery=battery,
-            # Neither family says with which gains or limits its drives act.
+            # Neither family reports the gains or limits of its drives.
             kp=unknown,
             kd=unknown,
             torque_limit=unknown,
@@ -139,10 +139,10 @@ class Translation:
     def message(self, command: JointCommand, held: np.ndarray, mode_machine: int) -> np.ndarray:
         """Return the message of a command.
 
-        held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: what hg says it is, and
-        wants to hear again.
+        held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: type that hg reports, and
+        expects in commands.
         """
-        structure, maker = self.told, self._maker
+        structure, maker = self.command_structure, self._maker
         message = structure.blank()
         if structure is GO_COMMAND:
             message["head"], message["level_flag"] = HEAD, LOW_LEVEL
@@ -182,10 +182,10 @@ class UnitreeLink:
         return self._bus.fileno()
 
     def receive(self) -> list[RobotState]:
-        """Return the new states that have come and can be believed, oldest first."""
-        came, found = self._bus.receive(), []
+        """Return the new and valid states, oldest first."""
+        came, states = self._bus.receive(), []
         self.arrivals.counts.dropped += self._bus.lost()
-        # Kept until a state carries it: the bus tells it once, and this call may bring no state that can be believed.
+        # Stored until a state carries it: the bus reports it once, and this call may bring no valid state.
         self._commanded = self._bus.foreign() or self._commanded
         command = FOREIGN if self._commanded else np.nan
         now = time.monotonic()
@@ -206,12 +206,12 @@ class UnitreeLink:
             self._newest, self._time, self._ticks = message, at, ticks
             self._states += 1
             age = self._ages.age(self._time, now)
-            found.append(self._translation.state(message, self._states, self._time, command, age))
-        self._commanded = self._commanded and not found
-        return found
+            states.append(self._translation.state(message, self._states, self._time, command, age))
+        self._commanded = self._commanded and not states
+        return states
 
     def peers(self) -> Peers:
-        """Return who writes the robot's states and reads its commands."""
+        """Return the writers of the robot's states and the readers of its commands."""
         return self._bus.peers()
 
     def know(self, writer: str) -> None:
@@ -223,13 +223,13 @@ class UnitreeLink:
         self.number += 1
         if self._newest is not None:
             held = self._hold(self._newest, bool(command.kp.any()))
-            mode = 0 if self._translation.said is GO_STATE else int(self._newest["mode_machine"])
+            mode = 0 if self._translation.state_structure is GO_STATE else int(self._newest["mode_machine"])
             message = self._translation.message(command, held, mode)
-            self._bus.send(self._translation.told.to_wire(message))
+            self._bus.send(self._translation.command_structure.to_wire(message))
         return self.number
 
     def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
-        """Return where held joints are asked to be, in the maker's numbers [rad], shape (M,).
+        """Return the commanded angles of held joints, in the maker's numbers [rad], shape (M,).
 
         They are on the way to their angles while the others are stiff, and where they are while these are damped.
         """
@@ -249,6 +249,6 @@ class UnitreeLink:
 def unitree_link(transport: str, interface: str, domain: int, contract: Contract, held: HeldCfg) -> UnitreeLink:
     """Return the link to the robot at a network interface, on a DDS domain; errors as of `Translation` and `DdsBus`."""
     translation = Translation(transport, contract, held)
-    bus = DdsBus(interface, translation.said, translation.told, domain)
+    bus = DdsBus(interface, translation.state_structure, translation.command_structure, domain)
     spare = Spare(transport, {"interface": interface, "domain": domain, "held": vars(held)})
     return UnitreeLink(translation, bus, f"unitree-{interface}-{domain}", spare)

@@ -1,4 +1,4 @@
-"""An actuator of mjlab with the friction law that was identified: its bound is written before every physics step.
+"""Actuator of mjlab with the identified friction law: its bound is written before every physics step.
 
     f = b_c + (b_s - b_c) exp(-|θ'/v_s|^α) + c_τ |τ| + c_l |τ_e|
 
@@ -60,15 +60,15 @@ class IdentifiedActuatorCfg(IdealPdActuatorCfg):
         return self.coulomb_friction if self.static_friction is None else self.static_friction
 
     def build(self, entity: Any, target_ids: list[int], target_names: list[str]) -> IdentifiedActuator:
-        """Return the actuator, as mjlab asks for it."""
+        """Return the actuator; mjlab calls this."""
         return IdentifiedActuator(self, entity, target_ids, target_names)
 
 
 class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
-    """The actuator of `IdentifiedActuatorCfg`; all tensors are of shape (num_envs, joints)."""
+    """Actuator of `IdentifiedActuatorCfg`; all tensors are of shape (num_envs, joints)."""
 
     def edit_spec(self, spec: Any, target_names: list[str]) -> None:
-        """Add motors, and a row of friction to each joint: its number is that of each step."""
+        """Add motors, and a row of friction to each joint, whose bound is set at each step."""
         super().edit_spec(spec, target_names)
         for joint in spec.joints:
             if joint.name in target_names:
@@ -93,7 +93,7 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
         return torque
 
     def bound(self, velocity: Any, torque: Any) -> Any:
-        """Return the most that friction brakes or holds by [N m]; velocity [rad/s], torque of the motor [N m]."""
+        """Return the largest torque of friction [N m]; velocity [rad/s], torque of the motor [N m]."""
         cfg = self.cfg
         excess = cfg.at_rest - cfg.coulomb_friction
         bound = cfg.coulomb_friction + excess * (-((velocity / cfg.stribeck_velocity).abs() ** cfg.exponent)).exp()
@@ -120,7 +120,7 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
 def with_law(actuator: Any, names: Sequence[str], physics: dict[str, JointPhysics]) -> list[Any]:
     """Return an actuator configuration as one with the friction law for each record of its joints, and the rest.
 
-    names: joints of the actuator; physics: what was identified, by joint. Gains, limit and delay stay.
+    names: joints of the actuator; physics: identified values by joint. Gains, limit and delay stay.
 
     Raises `ConfigurationError` for an actuator without gains, and a record without dry friction.
     """
@@ -134,10 +134,10 @@ def with_law(actuator: Any, names: Sequence[str], physics: dict[str, JointPhysic
             f"the friction law of joint {names[0]!r}: got {type(actuator).__name__}, expected "
             f"{', '.join(kind.__name__ for kind in WITH_GAINS)}, whose gains it takes"
         )
-    kept = {name: getattr(actuator, name) for name in ("stiffness", "damping", "armature", "viscous_damping")}
-    kept |= {name: value for name, value in vars(actuator).items() if name.startswith("delay_")}
+    fields = {name: getattr(actuator, name) for name in ("stiffness", "damping", "armature", "viscous_damping")}
+    fields |= {name: value for name, value in vars(actuator).items() if name.startswith("delay_")}
     if actuator.effort_limit is not None:
-        kept["effort_limit"] = actuator.effort_limit
+        fields["effort_limit"] = actuator.effort_limit
     parts = []
     for record, joints in groups.items():
         # Alone, it keeps its own patterns.
@@ -145,17 +145,17 @@ def with_law(actuator: Any, names: Sequence[str], physics: dict[str, JointPhysic
         if record is None:
             parts.append(replace(actuator, target_names_expr=exact))
         else:
-            law = kept | law_of(physics[joints[0]]) | {"target_names_expr": exact}
+            law = fields | law_of(physics[joints[0]]) | {"target_names_expr": exact}
             parts.append(IdentifiedActuatorCfg(**law))
     return parts
 
 
 WITH_GAINS = (BuiltinPositionActuatorCfg, BuiltinPdActuatorCfg, IdealPdActuatorCfg)
-"""Kinds of actuators of mjlab that one with the friction law can take the place of."""
+"""Kinds of mjlab's actuators that the one with the friction law can replace."""
 
 
 def law_of(joint: JointPhysics) -> dict[str, float]:
-    """Return what was identified of a joint, by the field of `IdentifiedActuatorCfg`.
+    """Return the identified values of a joint, by the field of `IdentifiedActuatorCfg`.
 
     Raises `ConfigurationError` for a record without dry friction.
     """
@@ -190,7 +190,7 @@ def driven_by_law(asset: Any) -> list[str]:
 
 
 def friction_law_event() -> dict[str, Any]:
-    """Return the event that gives each robot friction of its own, for `cfg.events`."""
+    """Return the event that gives each robot a friction of its own, for `cfg.events`."""
     return {"friction_law": EventTermCfg(func=prepare_friction_law, mode="startup")}
 
 

@@ -1,4 +1,4 @@
-"""A registered mjlab task, checked: what its events draw acts, and the dry friction of its joints holds."""
+"""Audit of a registered mjlab task: the draws of its events act, and the dry friction of its joints holds."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class TaskAudit:
 
     task: str
     draws: list[DrawnRow]
-    """Empty where no event draws anything of the model."""
+    """Rows of draws; empty where no event draws anything of the model."""
     holds: list[HeldRow]
-    """Empty where no driven joint has dry friction."""
+    """Rows of joints; empty where no driven joint has dry friction."""
 
     @property
     def failed(self) -> list[str]:
-        """What does not act, and what does not hold."""
+        """Draws without effect, and joints that do not hold."""
         draws = [f"{row.event} {row.quantity}" for row in self.draws if not row.ok]
         return draws + [f"{row.joint} does not hold" for row in self.holds if not row.ok]
 
@@ -43,7 +43,7 @@ def audit_task(task: str, num_envs: int = 8, report: Callable[[str], None] = lam
         raise ConfigurationError(f"--mjlab: {unknown_name('task', task, list_tasks())}")
     cfg = load_env_cfg(task)
     cfg.scene.num_envs, cfg.seed = num_envs, 0
-    # What mjlab and Warp print is no result.
+    # The output of mjlab and Warp is not a result.
     with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
         report(f"building {num_envs} robots on the CPU; the first time MuJoCo Warp compiles for minutes")
         env = ManagerBasedRlEnv(cfg, device="cpu")

@@ -1,4 +1,4 @@
-"""What the events of an mjlab task draw: where it is in the compiled model, and the range that the task declares."""
+"""Draws of an mjlab task's events: their place in the compiled model, and the declared range."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ PLACES = {
     "mat": ("mat_ids", "material"),
     "pair": ("pair_ids", "pair"),
 }
-"""First word of a model field -> where an entity's parts are in it, and what mjlab calls them."""
+"""First word of a model field -> place of an entity's parts in it, and mjlab's name for them."""
 
 LIBRARY = "mjlab.envs.mdp.dr"
-"""Package of mjlab's own draws, whose parameters have a meaning that is known."""
+"""Package of mjlab's own draws, whose parameters are understood."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One value that an event draws."""
+    """Value that an event draws."""
 
     event: str
     quantity: str
-    """Field of the model, and what it is compared with."""
+    """Field of the model, and the reference that it is compared with."""
     declared: Range | None
     read: Callable[[], Any]
-    """Returns the value as it is now, of shape (num_envs, entries)."""
+    """Function that returns the present value, of shape (num_envs, entries)."""
     entries: tuple[str, ...]
     """Names of joints, bodies, geometries; empty where they have none."""
     constant: bool = False
@@ -57,14 +57,14 @@ class Drawn:
 
 @dataclass(frozen=True)
 class DrawnRow:
-    """What was seen of one value that an event draws."""
+    """Observed range of a value that an event draws, with the verdict."""
 
     event: str
     quantity: str
     declared: Range | None
     seen: Range | None
     verdict: str
-    """As in `Draw`, with the names of what does not act; `constant, no range declared` is no failure."""
+    """Verdict as of `Draw`, with the names of entries without effect; `constant, no range declared` is no failure."""
     ok: bool
 
 
@@ -99,7 +99,7 @@ def _row(drawn: Drawn, draw: Draw) -> DrawnRow:
 
 
 def drawn_by_events(env: Any) -> list[Drawn]:
-    """Return what the events of an environment draw of its model; pushes and start poses are none of it."""
+    """Return the values of its model that the events of an environment draw, without pushes and start poses."""
     manager = env.event_manager
     return [
         replace(drawn, event=name)
@@ -110,7 +110,7 @@ def drawn_by_events(env: Any) -> list[Drawn]:
 
 
 def _drawn_by(env: Any, term: Any) -> Iterator[Drawn]:
-    """Yield what one event draws."""
+    """Yield the values that one event draws."""
     func, params = term.func, term.params
     asset_cfg = params.get("asset_cfg", SceneEntityCfg("robot"))
     known = getattr(func, "__module__", "").startswith(LIBRARY)
@@ -144,7 +144,7 @@ def _drawn_by(env: Any, term: Any) -> Iterator[Drawn]:
 
 
 def _of_ranges(env: Any, asset_cfg: Any, func: Any, params: dict[str, Any]) -> Iterator[Drawn]:
-    """Yield what a draw of mjlab's own does to its field: a range, or one for each axis or pattern of names."""
+    """Yield the values of a draw of mjlab's own: a range, or one for each axis or pattern of names."""
     field, ranges = func.model_fields[0], params["ranges"]
     defaults = {name: parameter.default for name, parameter in inspect.signature(func).parameters.items()}
     operation = _word(params.get("operation", defaults.get("operation", "abs")))
@@ -161,13 +161,13 @@ def _of_ranges(env: Any, asset_cfg: Any, func: Any, params: dict[str, Any]) -> I
         yield replace(drawn, quantity=drawn.quantity + whose)
 
 
-def _word(given: Any) -> str:
+def _word(value: Any) -> str:
     """Return the name of an operation or a distribution, which mjlab takes as a text or an object of its own."""
-    return str(getattr(given, "name", given))
+    return str(getattr(value, "name", value))
 
 
 def _matching(env: Any, asset_cfg: Any, field: str, pattern: str) -> Any:
-    """Return the configuration of those parts of an entity whose names match."""
+    """Return the configuration of the parts of an entity whose names match."""
     kind = PLACES[field.split("_")[0]][1]
     names = getattr(env.scene[asset_cfg.name], f"{kind}_names")
     ids = [number for number, name in enumerate(names) if re.fullmatch(pattern, name)]
@@ -207,7 +207,7 @@ COMPARED = {"scale": " / default", "add": " - default"}
 
 
 def compared(values: Any, default: Any, operation: str) -> Any:
-    """Return a value as the range of a draw says it; not-a-number for a multiple of 0."""
+    """Return a value as the range of a draw defines it; not-a-number for a multiple of 0."""
     if operation == "scale":
         return (values / default).where(default.expand_as(values) != 0, float("nan"))
     return values - default if operation == "add" else values
@@ -216,7 +216,7 @@ def compared(values: Any, default: Any, operation: str) -> Any:
 def _of_actuators(
     env: Any, asset_cfg: Any, params: dict[str, Any], name: str, key: str, number: int, values_of: Callable[..., Any]
 ) -> Iterator[Drawn]:
-    """Yield a gain or limit of each actuator that an event draws; number: which of those that `values_of` gives."""
+    """Yield a gain or limit of each actuator that an event draws; number: its index in the result of `values_of`."""
     asset, operation = env.scene[asset_cfg.name], _word(params.get("operation", "scale"))
     chosen = np.array(asset.actuators, dtype=object)[asset_cfg.actuator_ids]
     for actuator in np.atleast_1d(chosen):
@@ -229,7 +229,7 @@ def _of_actuators(
 
 
 def _written(env: Any, term: Any) -> Iterator[Drawn]:
-    """Yield the fields of the model that any other event writes, as it is called twice, and those that it names.
+    """Yield the fields of the model that any other event writes when it is called twice, and those that it names.
 
     An event that names no field writes one number for all worlds.
     """
@@ -249,7 +249,7 @@ def _written(env: Any, term: Any) -> Iterator[Drawn]:
         return after
 
     first, second = called(before), called(before)
-    # What is there already may be a constant that was written before: from other values it is written again.
+    # A present value may be a constant that was written before: from other values it is written again.
     other = {name: before[name] + 1.0 for name in named if name in fields and (first[name] == before[name]).all()}
     again = called(before | other) if other else {}
     for name in fields:
@@ -267,12 +267,12 @@ def _written(env: Any, term: Any) -> Iterator[Drawn]:
 
 
 def _parts(changed: Any) -> Any:
-    """Return which parts of a field changed, of shape (parts,), of booleans of shape (num_envs, parts, ...)."""
+    """Return the parts of a field that changed, of shape (parts,), from booleans of shape (num_envs, parts, ...)."""
     return changed.flatten(2).any(dim=-1).any(dim=0) if changed.ndim > 2 else changed.any(dim=0)
 
 
 def _per_world(env: Any, name: str) -> Any:
-    """Return a field of the model as a tensor of shape (num_envs, parts, ...), None for what is not one."""
+    """Return a field of the model as a tensor of shape (num_envs, parts, ...), None for any other array."""
     array = getattr(env.sim.wp_model, name)
     # mjlab cannot show an array that is empty, such as that of tendons where there are none.
     if name.split("_")[0] not in PLACES or not getattr(array, "size", 0) or not hasattr(env.sim.mj_model, name):

@@ -1,4 +1,4 @@
-"""Dry friction drawn in mjlab as a `training.json` proposes it, and observed by who may be told it."""
+"""Dry friction drawn in mjlab as a `training.json` proposes it, and its observation."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draw_event(
 ) -> dict[str, Any]:
     """Return the event that draws dry friction at each reset, for `cfg.events`.
 
-    shares: lowest and highest over the torque limit [1]; together: whether all joints of a robot get one share;
+    shares: lowest and highest over the torque limit [1]; together: True if all joints of a robot get one share;
     moving: lowest and highest factor of the share [1], drawn too: friction in motion over that at rest.
     """
     params = {"shares": shares, "together": together, "entity": entity, "moving": moving}
@@ -98,7 +98,7 @@ class DrawFriction:
 class friction_told:  # as mjlab calls its terms, which are classes where they keep something
     """Observation: dry friction of every driven joint over its torque limit [1], shape (num_envs, joints).
 
-    For critics and teachers, and for policies that are told on the robot what was identified.
+    It is for critics and teachers, and for policies that get the identified friction on the robot.
     """
 
     def __init__(self, cfg: Any, env: Any) -> None:
@@ -110,7 +110,7 @@ class friction_told:  # as mjlab calls its terms, which are classes where they k
 
 
 def _driven(env: Any, entity: str) -> tuple[Any, Any]:
-    """Return where a robot's driven joints are among the model's degrees of freedom, and their torque limits [N m].
+    """Return the places of a robot's driven joints among the model's degrees of freedom, and torque limits [N m].
 
     Both are tensors of shape (joints,). Raises `ConfigurationError` for a joint without a torque limit.
     """

@@ -1,4 +1,4 @@
-"""Whether dry friction holds: joints of an mjlab task under less torque than their friction must stay where they are.
+"""Check that dry friction holds: joints of an mjlab task under less torque than their friction must not move.
 
 The robot floats without gravity, contacts and joint limits, so that nothing but friction can hold a joint; the solver
 has the task's own budget, physics step and settings of the rows of friction.
@@ -21,20 +21,20 @@ from stiction.exchange.mjlab.motors import motors_of
 SECONDS = 1.0
 
 FIELDS = ("dof_frictionloss", "dof_solref", "dof_solimp", "dof_armature", "dof_damping")
-"""What a task may draw of a joint that friction holds."""
+"""Fields of a joint held by friction that a task may draw."""
 
 
 @dataclass(frozen=True)
 class HeldRow:
-    """What a joint did under 0.8 of its dry friction for a second."""
+    """Movement of a joint under 0.8 of its dry friction for a second."""
 
     joint: str
     friction: float
     """Dry friction, of the robot that has most of it [N m]."""
     moved: float
-    """Furthest from where it was, in MuJoCo Warp, alone or with all others under torque [rad]."""
+    """Largest distance from the start, in MuJoCo Warp, alone or with all others under torque [rad]."""
     moved_in_mujoco: float
-    """The same in MuJoCo itself on the CPU, where policies are played [rad]; its solver needs a larger budget."""
+    """Largest distance in MuJoCo itself on the CPU, where policies are played [rad]; it needs a larger budget."""
 
     @property
     def ok(self) -> bool:
@@ -43,7 +43,7 @@ class HeldRow:
 
     @property
     def verdict(self) -> str:
-        """`ok` in words."""
+        """Words for `ok`."""
         if not self.ok:
             return "does not hold"
         return "holds" if self.moved_in_mujoco <= CREEP else "holds in training, not in MuJoCo on the CPU"
@@ -91,7 +91,7 @@ Simulated = tuple[Callable[[np.ndarray], None], Callable[[], np.ndarray]]
 
 
 def _in_warp(sim: Any, pose: np.ndarray, dofs: list[int]) -> Simulated:
-    """Return how to load and read joints of MuJoCo Warp, all worlds in one pose; dofs: of the joints."""
+    """Return functions that load and read joints of MuJoCo Warp, all worlds in one pose; dofs: of the joints."""
     addresses = sim.mj_model.jnt_qposadr[sim.mj_model.dof_jntid[dofs]]
     sim.data.qpos[:] = sim.data.qpos.new_tensor(pose)
 
@@ -103,7 +103,7 @@ def _in_warp(sim: Any, pose: np.ndarray, dofs: list[int]) -> Simulated:
 
 
 def _in_mujoco(model: Any, worlds: int, pose: np.ndarray, dofs: list[int]) -> Simulated:
-    """Return how to load and read joints as `_in_warp`, in MuJoCo itself."""
+    """Return functions that load and read joints as `_in_warp`, in MuJoCo itself."""
     addresses = model.jnt_qposadr[model.dof_jntid[dofs]]
     data = [mujoco.MjData(model) for _ in range(worlds)]
     for world in data:

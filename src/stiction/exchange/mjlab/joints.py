@@ -96,7 +96,7 @@ LAWS_OF_ACTUATOR = (None, "coulomb", "stribeck", "breakaway", "load", "effort")
 
 
 def _notes(joints: Iterable[JointPhysics], by_law: bool) -> list[str]:
-    """Return what is left out of each record; by_law: of the actuator that has the friction law."""
+    """Return notes on the values left out of each record; by_law: True for the actuator with the friction law."""
     told = []
     for joint in joints:
         if by_law and (joint.record.friction_law or {}).get("law") in LAWS_OF_ACTUATOR:
@@ -131,7 +131,7 @@ def targets(actuator: Any, names: Sequence[str] | dict[str, Any]) -> list[str]:
 
 
 def _values(joint: JointPhysics) -> dict[str, float]:
-    """Return what was identified of a joint, by the field of mjlab's `ActuatorCfg`."""
+    """Return the identified values of a joint, by the field of mjlab's `ActuatorCfg`."""
     values = {"armature": joint.armature, "frictionloss": joint.friction, "viscous_damping": joint.damping}
     return {name: value for name, value in values.items() if value is not None}
 
@@ -139,15 +139,15 @@ def _values(joint: JointPhysics) -> dict[str, float]:
 def _identified(actuator: Any, names: Sequence[str], values: dict[str, dict[str, float]]) -> Any:
     """Return an actuator configuration with the values that all its joints share, and None where they differ.
 
-    values: of each joint; what the configuration said of joints that were not identified is added to them, where it
+    values: of each joint; the configuration's values for joints that were not identified are added to them, where they
     can stay in the configuration no longer.
     """
     changed: dict[str, float | None] = {}
     for field in ("armature", "frictionloss", "viscous_damping"):
         if not any(field in values.get(name, ()) for name in names):
             continue
-        said = getattr(actuator, field)
-        each = {name: values.get(name, {}).get(field, said) for name in names}
+        configured = getattr(actuator, field)
+        each = {name: values.get(name, {}).get(field, configured) for name in names}
         changed[field] = each[names[0]] if len({*each.values()}) == 1 else None
         if changed[field] is None:
             for name, value in each.items():

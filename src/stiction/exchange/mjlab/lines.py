@@ -1,4 +1,4 @@
-"""Lines to add to one's own task in mjlab: what they do is in `stiction.mjlab`, which warns of what it leaves out."""
+"""Lines to add to a user's task in mjlab; they call `stiction.mjlab`, which warns of what it leaves out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def joints_lines(
 ) -> Conversion:
     """Return the lines that put a `joints.json` into an mjlab robot.
 
-    path: of the file; joints: what its records give; pairs: record and joint where their names differ; which: friction
+    path: of the file; joints: physics of its records; pairs: record and joint where their names differ; which: friction
     of MuJoCo's one number.
     """
     joint_map = tuple("=".join(pair) for pair in pairs)
@@ -34,10 +34,10 @@ def training_lines(path: Path, training: dict[str, Any], which: Which = "moving"
 
 
 def _friction(which: Which) -> str:
-    """Return the argument that asks for friction at rest."""
+    """Return the argument for friction at rest."""
     return ', friction="static"' if which == "static" else ""
 
 
 def _text(name: str, line: str) -> str:
-    """Return a script of an import, a line, and where to put it."""
+    """Return a script of an import, a line, and a comment on its place."""
     return f"# {CAVEATS}\nfrom stiction.mjlab import {name}\n\n{line}\n"

@@ -1,4 +1,4 @@
-"""A log of one of mjlab's robots, as `stiction identify` reads those of real ones."""
+"""Log of one of mjlab's robots, in the form that `stiction identify` reads."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class StictionLog(RecorderTerm):
         return np.concatenate([tensor[self.world, self.joints].double().cpu().numpy() for tensor in tensors])
 
     def record_post_reset(self, env_ids: Any) -> None:
-        """Begin the log at a reset, after writing what was not written before it."""
+        """Begin the log at a reset, after writing an unfinished one."""
         if self.world in env_ids.tolist():
             self._write()
             self.state = self._now(self.asset.data.joint_pos, self.asset.data.joint_vel)
@@ -77,12 +77,12 @@ class StictionLog(RecorderTerm):
             self._write()
 
     def close(self) -> None:
-        """Write what there is."""
+        """Write the rest of the log."""
         self._write()
         self._env.scene.update = self._update
 
     def _write(self) -> None:
-        """Write log and sidecar, once; a single row is none, and the next episode is written instead."""
+        """Write log and sidecar, once; a single row is not a log, and the next episode is written instead."""
         if self.written or len(self.rows) < 2:
             self.rows.clear()
             return
@@ -95,11 +95,11 @@ class StictionLog(RecorderTerm):
             name: JointSignals(position[:, i], velocity[:, i], target[:, i], torque[:, i])
             for i, name in enumerate(self.motors)
         }
-        own = {
+        setups = {
             name: LogSetup(motor.kp, motor.kd, motor.limit, axis=motor.axis)
             for name, motor in motors_of(self._env, self.asset, self.world).items()
         }
-        setup = LogSetup(torque_source="motor_side", test_condition=self.condition, joints=own)
+        setup = LogSetup(torque_source="motor_side", test_condition=self.condition, joints=setups)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_log(self.path, Log(self.path.name, np.arange(len(self.rows)) * self._env.physics_dt, signals, setup))
 
@@ -111,7 +111,7 @@ def _parameters(
     seconds: float = 60.0,
     test_condition: TestCondition | None = None,
 ) -> tuple[Path, str, int, float, TestCondition | None]:
-    """Return the parameters of a `StictionLog`, with their defaults; raise `StictionError` for what has no meaning."""
+    """Return the parameters of a `StictionLog`, with their defaults; raise `StictionError` for invalid values."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise LogError(f"StictionLog: got {Path(path).name}, expected a file that ends in {', '.join(SUFFIXES)}")
     if not seconds > 0:

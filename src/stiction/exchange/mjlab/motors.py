@@ -1,4 +1,4 @@
-"""What drives the joints of a running mjlab robot: torque limits and gains, as its compiled model has them."""
+"""Motors of a running mjlab robot: torque limits and gains, as its compiled model has them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KINDS: dict[str, Axis] = {"mjJNT_HINGE": "rotary", "mjJNT_SLIDE": "linear"}
 
 @dataclass(frozen=True)
 class Motor:
-    """What drives one joint."""
+    """Motor of one joint."""
 
     joint: int
     """Index among the robot's joints."""
@@ -36,9 +36,9 @@ class Motor:
 def motors_of(env: Any, asset: Any, world: int = 0) -> dict[str, Motor]:
     """Return joint -> its motor, in the order of the robot's joints.
 
-    env: mjlab's `ManagerBasedRlEnv`; asset: its `Entity`; world: robot whose gains they are, where those are drawn.
+    env: mjlab's `ManagerBasedRlEnv`; asset: its `Entity`; world: robot of the gains, where those are drawn.
     """
-    found: dict[int, tuple[str, Motor]] = {}
+    motors: dict[int, tuple[str, Motor]] = {}
     for actuator in asset.actuators:
         if actuator.transmission_type != TransmissionType.JOINT:
             continue
@@ -47,8 +47,8 @@ def motors_of(env: Any, asset: Any, world: int = 0) -> dict[str, Motor]:
             limit, gains = _limit(env.sim.mj_model, number_of_all, control), _gains(env, actuator, number, world)
             least, most = actuator.cfg.delay_min_lag, actuator.cfg.delay_max_lag
             lag = most if least == most else None
-            found[joint] = name, Motor(joint, KINDS[asset.indexing.joints[joint].type.name], limit, *gains, lag)
-    return {name: motor for _, (name, motor) in sorted(found.items())}
+            motors[joint] = name, Motor(joint, KINDS[asset.indexing.joints[joint].type.name], limit, *gains, lag)
+    return {name: motor for _, (name, motor) in sorted(motors.items())}
 
 
 def limits_of(motors: dict[str, Motor]) -> list[float]:
@@ -75,14 +75,14 @@ def _limit(model: Any, joint: int, actuator: int) -> float | None:
 
 
 def _gains(env: Any, actuator: Any, number: int, world: int) -> tuple[float | None, float | None]:
-    """Return kp and kd of one joint of an actuator, as they are in a world; None where they are none."""
+    """Return kp and kd of one joint of an actuator, as they are in a world; None without gains."""
     if (gains := gains_of(env, actuator)) is None:
         return None, None
     return float(gains[0][world, number]), float(gains[1][world, number])
 
 
 def gains_of(env: Any, actuator: Any, default: bool = False) -> tuple[Any, Any] | None:
-    """Return kp and kd of an actuator's joints, two tensors of shape (num_envs, joints); None where there are none.
+    """Return kp and kd of an actuator's joints, two tensors of shape (num_envs, joints); None without gains.
 
     default: those before any draw, of shape (1, joints) or (num_envs, joints).
     """

@@ -21,11 +21,11 @@ SHARES = (0.0, 0.24)
 ROBOTS = ("Go1", "G1")
 
 MOST_JOINTS = 32
-"""Joints of the larger robot, at least."""
+"""Number of joints of the larger robot, at least."""
 
 
 def _with_friction(cfg: Any) -> Any:
-    """Return a task's configuration with friction drawn and told, and the solver's budget under which it holds."""
+    """Return a task's configuration with friction that is drawn and observed, and the solver's budget for it."""
     cfg.events |= draw_event(SHARES)
     cfg.observations["critic"].terms["friction"] = ObservationTermCfg(func=friction_told)
     cfg.sim = with_budget(cfg.sim, MOST_JOINTS)

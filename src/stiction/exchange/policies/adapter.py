@@ -1,4 +1,4 @@
-"""Moves what a target's file cannot say of a policy into its network: scales, clips, order of terms, attitude.
+"""Adapter in a network for what a target's file cannot hold: scales, clips, order of terms, attitude.
 
 The new network observes plain terms, as every target has them: unscaled, not cut off, term by term, the oldest frame
 first. In front of the old one stand a product with a matrix that picks and scales, a sum and two bounds; roll and pitch
@@ -42,13 +42,14 @@ PLAIN = {
     "phase_sin": "phase",
     "phase_cos": "phase",
 }
-"""Term -> the plain one that it is made of."""
+"""Term -> plain term that it is made of."""
 
 
 def plain_contract(contract: Contract) -> Contract:
     """Return the contract of the same policy behind the adapter.
 
-    Raises `PolicyError`: it observes what no plain term has, or moves its targets by the friction of the joints.
+    Raises `PolicyError`: it observes a quantity that no plain term has, or moves its targets by the friction of the
+    joints.
     """
     layout = contract.observation
     if contract.compensation is not None:
@@ -57,7 +58,7 @@ def plain_contract(contract: Contract) -> Contract:
         if term.name in SLOW_TERMS or term.name == "height_scan":
             raise PolicyError(f"this policy observes {term.name}, which the runtimes of others do not build")
         if term.name == TERM and contract.known_friction is None:
-            raise PolicyError("this policy is told its joints' friction, and nobody said it: export it with --joints")
+            raise PolicyError("this policy observes its joints' friction, which is not known: export it with --joints")
     joints, length = contract.num_joints, layout.depth
     sizes = dict.fromkeys(("joint_position", "joint_velocity", "last_action"), joints)
     sizes |= {"phase": 2 * len(layout.clock.offsets) if layout.clock else 0}
@@ -103,9 +104,9 @@ def adapted(contract: Contract, network: NetworkFile) -> NetworkFile:
         Node("Min", ("a_bounded", "a_high"), ("a_observation",), {}),
     ]
     nodes += with_names(network.nodes, {INPUT: "a_observation"})
-    own = {name: constant(name, np.asarray(values, dtype=np.float32)) for name, values in constants.items()}
+    added = {name: constant(name, np.asarray(values, dtype=np.float32)) for name, values in constants.items()}
     port = Port(INPUT, FLOAT, (None, new.size))
-    return clipped(contract, NetworkFile(tuple(nodes), {**network.constants, **own}, port, network.output))
+    return clipped(contract, NetworkFile(tuple(nodes), {**network.constants, **added}, port, network.output))
 
 
 def clipped(contract: Contract, network: NetworkFile) -> NetworkFile:
@@ -118,12 +119,12 @@ def clipped(contract: Contract, network: NetworkFile) -> NetworkFile:
         Node("Max", ("a_action", "a_least"), ("a_raised",), {}),
         Node("Min", ("a_raised", "a_most"), (OUTPUT,), {}),
     )
-    own = {"a_least": constant("a_least", -bound), "a_most": constant("a_most", bound)}
-    return replace(network, nodes=nodes, constants={**network.constants, **own})
+    bounds = {"a_least": constant("a_least", -bound), "a_most": constant("a_most", bound)}
+    return replace(network, nodes=nodes, constants={**network.constants, **bounds})
 
 
 def with_names(nodes: Sequence[Node], names: Mapping[str, str]) -> list[Node]:
-    """Return nodes in which some values are called otherwise."""
+    """Return nodes in which some values are renamed."""
     return [
         replace(
             node,
@@ -137,7 +138,7 @@ def with_names(nodes: Sequence[Node], names: Mapping[str, str]) -> list[Node]:
 def _source(
     term: Term, entry: int, frame: int, contract: Contract, starts: dict[str, int], new: ObservationLayout
 ) -> tuple[int | None, float]:
-    """Return which number of the plain observation an entry of a frame is, None for none, and what is added to it.
+    """Return the index in the plain observation of an entry of a frame, None for none, and the number added to it.
 
     entry, frame: within the term, and from the oldest on.
     """
@@ -160,7 +161,7 @@ def _source(
 
 
 def _attitude(start: int, new: ObservationLayout) -> tuple[list[Node], dict[str, np.ndarray], str]:
-    """Return nodes that put roll and pitch of every frame behind the plain observation, their constants, and its name.
+    """Return nodes that append roll and pitch of every frame to the plain observation, their constants, and its name.
 
     start: where the direction of gravity begins in it.
     """
@@ -194,6 +195,8 @@ def _attitude(start: int, new: ObservationLayout) -> tuple[list[Node], dict[str,
         *(("Atan", f"a_{name}_tangent", "", f"a_{name}_half") for name in ("roll", "pitch")),
         *(("Mul", f"a_{name}_half", "a_two", f"a_{name}") for name in ("roll", "pitch")),
     ]
-    nodes = [Node(operator, (one, other) if other else (one,), (out,), {}) for operator, one, other, out in steps]
+    nodes = [
+        Node(operator, (first, second) if second else (first,), (out,), {}) for operator, first, second, out in steps
+    ]
     nodes.append(Node("Concat", (INPUT, "a_roll", "a_pitch"), ("a_seen",), {"axis": 1}))
     return nodes, constants, "a_seen"

@@ -1,7 +1,7 @@
-"""What is said of a policy that was trained elsewhere, and how a contract follows from it.
+"""Description of a policy that was trained elsewhere, and the contract that follows from it.
 
-Files of others say different things. What one says is a `Said`; several are put together, later ones over earlier ones;
-what is then still missing is asked for by name. Nothing is taken for granted that could be otherwise: a wrong scale or
+Files of others state different parts. Each gives a `PolicySpec`; several are merged, later ones over earlier ones;
+the fields still missing are asked for by name. Nothing is assumed that could be otherwise: a wrong scale or
 order gives a robot that walks badly or falls, and blames its joints.
 """
 
@@ -36,24 +36,24 @@ UNBOUNDED = 1000.0
 """Clip of the action that stands for none [-]: the contract's largest, which no network of a policy reaches."""
 
 LARGEST_STEP = 0.005
-"""Physics step where nobody says one: the largest part of the control period that is not above this [s]."""
+"""Largest physics step where none is stated [s]: the largest part of the control period not above it is used."""
 
 
 @dataclass(frozen=True)
-class SaidTerm:
-    """One term of the observation, as a file says it."""
+class TermSpec:
+    """One term of the observation, as a file describes it."""
 
     name: str
-    """Our name of it."""
+    """Our name of the term."""
     scale: float | tuple[float, ...] = 1.0
     clip: tuple[float, float] | None = None
     """Lowest and highest value; None: no clip."""
     clip_first: bool = False
-    """Whether the clip is before the scale."""
+    """True if the clip is before the scale."""
     history: int | None = None
     """Frames of this term; None: as many as of all."""
     offset: str | None = None
-    """Of joint positions `standing` or `none`; None: `standing`."""
+    """Offset of joint positions, `standing` or `none`; None: `standing`."""
 
     def bound(self) -> float | tuple[float, ...]:
         """Return the symmetric bound after scaling, for each entry where scales differ.
@@ -75,8 +75,8 @@ class SaidTerm:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a file says of a policy; None: nothing."""
+class PolicySpec:
+    """Partial description of a policy; None: not stated."""
 
     joint_names: tuple[str, ...] | None = None
     control_period: float | None = None
@@ -87,9 +87,9 @@ class Said:
     action_scale: PerJoint | None = None
     torque_limit: PerJoint | None = None
     action_clip: float | None = None
-    """Infinite: the action is not cut off."""
+    """Bound of the action; infinite: the action is not cut off."""
     last_action: str | None = None
-    observation: tuple[SaidTerm, ...] | None = None
+    observation: tuple[TermSpec, ...] | None = None
     history_length: int | None = None
     history_layout: str | None = None
     history_direction: str | None = None
@@ -97,9 +97,9 @@ class Said:
     clock: GaitClock | None = None
     heights: HeightScan | None = None
     assumed: Mapping[str, str] | None = None
-    """`preset`, where one filled gaps, and `assumed`: the names of the fields that it filled."""
+    """Name of the preset that filled gaps, `preset`, and names of the fields that it filled, `assumed`."""
     notes: tuple[str, ...] = ()
-    """What a user should know of how the file was read, a sentence each."""
+    """Notes on the reading of the file, for the user, a sentence each."""
 
 
 MEANINGS = {
@@ -119,75 +119,77 @@ MEANINGS = {
     "clock": "clock: the gait clock (period [s], offsets [rad], first, standing)",
     "heights": "heights: points (forward, left [m]) and offset [m] of the height scan",
 }
-"""What has to be known -> how to say it in a file of settings, and what it means."""
+"""Required field -> its entry in a file of settings, and its meaning."""
 
 
-def merged(first: Said, second: Said) -> Said:
-    """Return what two files say; where both say something, the second, and a note where it is something else."""
+def merged(first: PolicySpec, second: PolicySpec) -> PolicySpec:
+    """Return two descriptions merged: the second goes before the first, with a note where they differ."""
     both, notes = {}, [*first.notes, *second.notes]
-    for part in fields(Said):
+    for part in fields(PolicySpec):
         if part.name == "notes":
             continue
         before, after = getattr(first, part.name), getattr(second, part.name)
         both[part.name] = before if after is None else after
         if before is not None and after is not None and before != after:
-            notes.append(f"{part.name} is said twice, and differently; the later file holds")
-    return Said(**both, notes=tuple(notes))
+            notes.append(f"{part.name} is stated twice, and differently; the later file holds")
+    return PolicySpec(**both, notes=tuple(notes))
 
 
-def needed(said: Said) -> list[str]:
-    """Return what has to be known of a policy, names of `MEANINGS`."""
-    names = [term.name for term in said.observation or ()]
-    longest = max([said.history_length or 1, *(term.history or 1 for term in said.observation or ())])
+def needed(spec: PolicySpec) -> list[str]:
+    """Return the required fields of a description, names of `MEANINGS`."""
+    names = [term.name for term in spec.observation or ()]
+    longest = max([spec.history_length or 1, *(term.history or 1 for term in spec.observation or ())])
     parts = ["joint_names", "control_period", "kp", "kd", "default_position", "action_scale", "action_clip"]
     parts.append("observation")
-    if said.observation is None or any(term.history is None for term in said.observation):
+    if spec.observation is None or any(term.history is None for term in spec.observation):
         parts.append("history_length")
     if longest > 1:
         parts += ["history_layout", "history_direction", "history_fill"]
-    if "last_action" in names and said.action_clip is not None and said.action_clip < UNBOUNDED:
+    if "last_action" in names and spec.action_clip is not None and spec.action_clip < UNBOUNDED:
         parts.append("last_action")
-    return parts + _sized(said.observation or ())
+    return parts + _sized(spec.observation or ())
 
 
-def missing(said: Said) -> list[str]:
-    """Return the facts about a policy that are needed and missing."""
-    return [name for name in needed(said) if getattr(said, name) is None]
+def missing(spec: PolicySpec) -> list[str]:
+    """Return the required fields that are missing."""
+    return [name for name in needed(spec) if getattr(spec, name) is None]
 
 
-def with_length(said: Said, size: int, num_joints: int) -> Said:
-    """Return what is said with the frames of history that follow from the size of the network's input, if any do.
+def with_length(spec: PolicySpec, size: int, num_joints: int) -> PolicySpec:
+    """Return the description with the history length that follows from the size of the network's input, if one does.
 
     size: numbers that the network takes; num_joints: actions that it gives.
     """
-    terms = said.observation or ()
+    terms = spec.observation or ()
     free = tuple(term for term in terms if term.history is None)
-    if said.history_length is not None or not free or any(getattr(said, name) is None for name in _sized(terms)):
-        return said
-    fixed = layout_of(replace(said, observation=tuple(set(terms) - set(free))), num_joints).size
-    frame = layout_of(replace(said, observation=free, history_length=1), num_joints).size
+    if spec.history_length is not None or not free or any(getattr(spec, name) is None for name in _sized(terms)):
+        return spec
+    fixed = layout_of(replace(spec, observation=tuple(set(terms) - set(free))), num_joints).size
+    frame = layout_of(replace(spec, observation=free, history_length=1), num_joints).size
     length, left = divmod(size - fixed, frame)
     if left or length < 1:
-        return said
+        return spec
     note = f"the history has {length} frames, by the network's {size} inputs and {frame} of a frame"
-    return replace(said, history_length=length, notes=(*said.notes, *([note] if length > 1 else [])))
+    return replace(spec, history_length=length, notes=(*spec.notes, *([note] if length > 1 else [])))
 
 
-def _sized(terms: Sequence[SaidTerm]) -> list[str]:
-    """Return what has to be said for the sizes of terms to be known."""
+def _sized(terms: Sequence[TermSpec]) -> list[str]:
+    """Return the fields that the sizes of terms depend on."""
     names = {term.name for term in terms}
     return [*(["clock"] if names & set(CLOCK_TERMS) else []), *(["heights"] if "height_scan" in names else [])]
 
 
-def require(said: Said, where: str) -> None:
-    """Raise `ConfigurationError` that asks for what is missing; `where`: the files that were read, with does or do."""
-    if gaps := missing(said):
+def require(spec: PolicySpec, where: str) -> None:
+    """Raise `ConfigurationError` for missing fields; where: the files that were read, with does or do."""
+    if gaps := missing(spec):
         asked = "; ".join(MEANINGS[name] for name in gaps)
-        raise ConfigurationError(f"{where} not say all of the policy; say in a YAML file, with --settings: {asked}")
-    raw = said.last_action == "raw" and any(term.name == "last_action" for term in said.observation or ())
-    if raw and said.action_clip is not None and said.action_clip < UNBOUNDED:
         raise ConfigurationError(
-            f"the policy observes its action before it is cut off at {said.action_clip:g}; a contract holds the action "
+            f"{where} not describe all of the policy; add to a YAML file, with --settings: {asked}"
+        )
+    raw = spec.last_action == "raw" and any(term.name == "last_action" for term in spec.observation or ())
+    if raw and spec.action_clip is not None and spec.action_clip < UNBOUNDED:
+        raise ConfigurationError(
+            f"the policy observes its action before it is cut off at {spec.action_clip:g}; a contract holds the action "
             "after the clip alone: export the network with the clip in it, and say action_clip: none"
         )
 
@@ -198,10 +200,10 @@ def per_joint(name: str, value: PerJoint, joints: tuple[str, ...]) -> tuple[floa
         for pattern in value:
             if not any(re.fullmatch(pattern, joint) for joint in joints):
                 raise ConfigurationError(f"{name}: {unknown_name('joint', pattern, joints)}")
-        found = [next((v for pattern, v in value.items() if re.fullmatch(pattern, joint)), None) for joint in joints]
-        if None in found:
-            raise ConfigurationError(f"{name}: nothing is said of the joint {joints[found.index(None)]!r}")
-        return tuple(float(number) for number in found if number is not None)
+        numbers = [next((v for pattern, v in value.items() if re.fullmatch(pattern, joint)), None) for joint in joints]
+        if None in numbers:
+            raise ConfigurationError(f"{name}: no number for the joint {joints[numbers.index(None)]!r}")
+        return tuple(float(number) for number in numbers if number is not None)
     if isinstance(value, tuple):
         if len(value) != len(joints):
             raise ConfigurationError(f"{name}: {len(value)} numbers for {len(joints)} joints; expected one each")
@@ -209,10 +211,10 @@ def per_joint(name: str, value: PerJoint, joints: tuple[str, ...]) -> tuple[floa
     return (float(value),) * len(joints)
 
 
-def layout_of(said: Said, num_joints: int) -> ObservationLayout:
-    """Return the layout of the observation of a policy of which all is said."""
-    terms, length = said.observation or (), said.history_length or 1
-    phases, points = len(said.clock.offsets) if said.clock else 0, len(said.heights.points) if said.heights else 0
+def layout_of(spec: PolicySpec, num_joints: int) -> ObservationLayout:
+    """Return the layout of the observation of a complete description."""
+    terms, length = spec.observation or (), spec.history_length or 1
+    phases, points = len(spec.clock.offsets) if spec.clock else 0, len(spec.heights.points) if spec.heights else 0
     sizes = {"roll_pitch": 2, "command_linear": 2, "command_turn": 1, "phase": 2 * phases, "height_scan": points}
     sizes |= dict.fromkeys(("phase_sin", "phase_cos"), phases)
     sizes |= dict.fromkeys(("angular_velocity", "command", "projected_gravity", "base_linear_velocity"), 3)
@@ -234,24 +236,26 @@ def layout_of(said: Said, num_joints: int) -> ObservationLayout:
     return ObservationLayout(
         with_sizes,
         history_length=length,
-        direction=said.history_direction or "oldest_first",
-        layout=said.history_layout or "frame_major",
-        fill=said.history_fill or "first",
-        clock=said.clock if {term.name for term in terms} & set(CLOCK_TERMS) else None,
-        heights=said.heights if any(term.name == "height_scan" for term in terms) else None,
+        direction=spec.history_direction or "oldest_first",
+        layout=spec.history_layout or "frame_major",
+        fill=spec.history_fill or "first",
+        clock=spec.clock if {term.name for term in terms} & set(CLOCK_TERMS) else None,
+        heights=spec.heights if any(term.name == "height_scan" for term in terms) else None,
     )
 
 
-def robot_for(said: Said, robot: Robot) -> Robot:
+def robot_for(spec: PolicySpec, robot: Robot) -> Robot:
     """Return the robot of a policy: its joints in the policy's order, with its gains, pose and scale of the action.
 
     A shipped robot whose gains or limits the policy raises gets another name, `go2_imported`.
     """
-    names = said.joint_names or ()
+    names = spec.joint_names or ()
     robot = reordered(robot, names)
-    given: dict[str, Any] = {"kp": said.kp, "kd": said.kd, "default_position": said.default_position}
-    given |= {"action_scale": said.action_scale, "torque_limit": said.torque_limit}
-    values: dict[str, Any] = {name: per_joint(name, value, names) for name, value in given.items() if value is not None}
+    stated: dict[str, Any] = {"kp": spec.kp, "kd": spec.kd, "default_position": spec.default_position}
+    stated |= {"action_scale": spec.action_scale, "torque_limit": spec.torque_limit}
+    values: dict[str, Any] = {
+        name: per_joint(name, value, names) for name, value in stated.items() if value is not None
+    }
     joints = tuple(
         replace(joint, **{name: value[number] for name, value in values.items()})
         for number, joint in enumerate(robot.joints)
@@ -262,43 +266,43 @@ def robot_for(said: Said, robot: Robot) -> Robot:
     return varied
 
 
-def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: str, command: str) -> Contract:
-    """Return the contract of a policy of which all is said.
+def contract_of(spec: PolicySpec, robot: Robot, network: tuple[str, bytes], revision: str, command: str) -> Contract:
+    """Return the contract of a completely described policy.
 
     Args:
-        said: of the policy; complete, see `require`.
+        spec: description of the policy; complete, see `require`.
         robot: the robot that it walks on; joints, gains and pose become the policy's.
         network: name and bytes of the file that it came from.
         revision: of this code.
-        command: that reads it.
+        command: command line that reads it.
 
     Raises `StictionError` where robot and policy do not fit.
 
     """
-    robot = robot_for(said, robot)
-    period = said.control_period or 0.0
+    robot = robot_for(spec, robot)
+    period = spec.control_period or 0.0
     if not 5e-4 <= period <= 0.2:
         raise ConfigurationError(f"control_period {period:g} s; expected 0.0005 to 0.2 s")
     decimation = (
         # Less a hair: the quotient of 0.035 and 0.005 is a little over 7 in binary, and would be eight steps.
-        round(period / said.physics_timestep) if said.physics_timestep else math.ceil(period / LARGEST_STEP - 1e-9)
+        round(period / spec.physics_timestep) if spec.physics_timestep else math.ceil(period / LARGEST_STEP - 1e-9)
     )
 
     return contract_of_others(
         robot,
         period,
         decimation,
-        layout_of(said, robot.num_joints),
-        action_clip=min(said.action_clip or UNBOUNDED, UNBOUNDED),
-        imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest(), **(said.assumed or {})},
+        layout_of(spec, robot.num_joints),
+        action_clip=min(spec.action_clip or UNBOUNDED, UNBOUNDED),
+        imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest(), **(spec.assumed or {})},
         revision=revision,
         command=command,
     )
 
 
-def unlike(term: Term, own: Container[str]) -> str | None:
-    """Return what of a term no format says that has the terms `own`, angles about the standing pose; None: nothing."""
-    if term.name not in own:
+def unsupported_part(term: Term, names: Container[str]) -> str | None:
+    """Return the part of a term that a format with the terms `names` cannot hold, or None."""
+    if term.name not in names:
         return f"the term {term.name}"
     if term.name == "joint_position" and term.offset != "standing":
         return "joint angles that are not about the standing pose"

@@ -1,8 +1,8 @@
-"""A bundle as others deploy it: unitree_rl_lab's deploy.yaml, rl_sar's folder, a network with mjlab's metadata.
+"""Export of a bundle for others: unitree_rl_lab's deploy.yaml, rl_sar's folder, a network with mjlab's metadata.
 
-Everything is generated from the contract. What the target's file can say stands there, and the network is the bundle's;
-what it cannot say goes into the network, see `adapter`; what neither can hold is refused. The README that is written
-beside says what of the bundle the target's runtime does otherwise.
+Everything is generated from the contract. The target's file holds what it can, with the bundle's network; the rest
+goes into the network, see `adapter`; a part that neither can hold is rejected. The README next to it lists the
+differences of the target's runtime.
 """
 
 from __future__ import annotations
@@ -30,42 +30,42 @@ from stiction.files.observation import ObservationLayout
 
 Target = Literal["deploy.yaml", "rl_sar", "mjlab"]
 
-HOLDS = {"deploy.yaml": unitree.holds, "rl_sar": rl_sar.holds, "mjlab": mjlab.holds}
-"""Target -> what of a layout its file cannot say."""
+LIMITATIONS = {"deploy.yaml": unitree.limitation, "rl_sar": rl_sar.limitation, "mjlab": mjlab.limitation}
+"""Target -> function that returns the part of a layout that its file cannot hold."""
 
 PORTS = ("obs", "actions")
 """Names of the network's input and output, as rsl_rl exports them."""
 
 ZERO_FILL = {"deploy.yaml": False, "rl_sar": True, "mjlab": False}
-"""Target -> whether its runtime begins with a history of zeros."""
+"""Target -> True if its runtime begins with a history of zeros."""
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written, for any target."""
+    """Result of an export, for any target."""
 
     path: Path
     bundle: Bundle
-    """The bundle, as it was checked."""
+    """Checked bundle."""
     robot: str
     files: tuple[str, ...]
-    """Relative to the folder."""
+    """Paths of the files, relative to the folder."""
     notes: tuple[str, ...]
-    """What the target does otherwise, a sentence each."""
+    """Differences of the target's runtime, a sentence each."""
     facts: Mapping[str, Any] = field(default_factory=dict)
     """Further plain data."""
 
     def summary(self) -> dict[str, Any]:
         """Return plain data for `--json`."""
-        said = {"path": str(self.path), "robot": self.robot, "digest": self.bundle.digest}
-        return said | {"files": list(self.files), "notes": list(self.notes)} | dict(self.facts)
+        data = {"path": str(self.path), "robot": self.robot, "digest": self.bundle.digest}
+        return data | {"files": list(self.files), "notes": list(self.notes)} | dict(self.facts)
 
 
 def export_to(source: Path, out: Path, to: Target) -> Exported:
-    """Write a bundle as others deploy it.
+    """Write a bundle in a target's form.
 
-    source: of the bundle, which is checked first; out: folder to make; to: the target. Raises `StictionError` where the
-    bundle is none, the target cannot hold it, or `out` exists.
+    source: of the bundle, which is checked first; out: folder to make; to: the target. Raises `StictionError` where
+    the bundle is invalid, the target cannot hold it, or `out` exists.
     """
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
@@ -91,7 +91,7 @@ def export_to(source: Path, out: Path, to: Target) -> Exported:
 
 
 def expressed(bundle: Bundle, to: Target) -> tuple[Contract, ForeignNetwork, list[str]]:
-    """Return contract and network of a bundle as a target can hold them, and what a user should know.
+    """Return contract and network of a bundle in a form that a target can hold, and notes for the user.
 
     Raises `PolicyError` where it cannot.
     """
@@ -100,13 +100,13 @@ def expressed(bundle: Bundle, to: Target) -> tuple[Contract, ForeignNetwork, lis
     if contract.compensation is not None:
         raise PolicyError("this policy's runtime adds friction to its targets (compensation); no other runtime does")
     notes = []
-    lacks = HOLDS[to](contract.observation)
+    lacks = LIMITATIONS[to](contract.observation)
     if lacks is None and to != "rl_sar" and contract.action_clip < UNBOUNDED:
         network, contract = clipped(contract, network), replace(contract, action_clip=UNBOUNDED)
         notes.append(f"{to} cuts no action off before it is observed: the clip is in the network")
     elif lacks is not None:
         plain = plain_contract(contract)
-        if (still := HOLDS[to](plain.observation)) is not None:
+        if (still := LIMITATIONS[to](plain.observation)) is not None:
             raise PolicyError(f"--to {to} cannot say {lacks}, nor {still}; this bundle does not fit there")
         network, contract = adapted(contract, network), plain
         notes.append(
@@ -148,8 +148,8 @@ def _files(contract: Contract, network: ForeignNetwork, to: Target, name: str, m
     if to == "mjlab":
         return {f"{name}.onnx": model}
     if to == "deploy.yaml":
-        said = _yaml(unitree.deploy_of(contract, most.tolist()))
-        return {"exported/policy.onnx": model, "params/deploy.yaml": said}
+        deploy = _yaml(unitree.deploy_of(contract, most.tolist()))
+        return {"exported/policy.onnx": model, "params/deploy.yaml": deploy}
     robot = _file_name(contract.robot)
     base, config = rl_sar.config_of(contract, "policy.onnx")
     return {

@@ -1,4 +1,4 @@
-"""A policy of others as a bundle: its network, what its files say of it, a robot, and a walk that was recorded."""
+"""Import of a policy of others as a bundle: its network, its description, a robot, and a recorded walk."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from stiction.deploy.check import BundleCheck, write_checked
 from stiction.deploy.network_file import MOST_BYTES
 from stiction.deploy.policy import check_model, load_policy
 from stiction.evaluation.golden import record_golden
-from stiction.exchange.policies.description import Said, contract_of, merged, require, with_length
-from stiction.exchange.policies.holosoma import is_holosoma, said_by_holosoma
-from stiction.exchange.policies.mjlab import is_mjlab, said_by_mjlab
+from stiction.exchange.policies.description import PolicySpec, contract_of, merged, require, with_length
+from stiction.exchange.policies.holosoma import is_holosoma, read_holosoma
+from stiction.exchange.policies.mjlab import is_mjlab, read_mjlab
 from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
 from stiction.exchange.policies.presets import with_preset
-from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_sar
-from stiction.exchange.policies.settings import said_in_settings
-from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
+from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, read_rl_sar
+from stiction.exchange.policies.settings import read_settings
+from stiction.exchange.policies.unitree import is_deploy, read_deploy
 from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract, limits_text
 from stiction.robots.catalog import find_derived
@@ -57,84 +57,84 @@ PLAIN = re.compile(r"[A-Za-z0-9_-][\w.+-]{0,199}", re.ASCII)
 """Names of files that a network may keep its numbers in: of its own folder."""
 
 
-TRAINERS = (("mjlab", is_mjlab, said_by_mjlab), ("holosoma", is_holosoma, said_by_holosoma))
-"""Trainer, whether metadata are its, and what they say."""
+TRAINERS = (("mjlab", is_mjlab, read_mjlab), ("holosoma", is_holosoma, read_holosoma))
+"""Trainer, detector of its metadata, and their reader."""
 
 
 def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     """Return the bytes and the content of an ONNX file of others. Raises `StictionError`."""
 
-    def beside(name: str) -> bytes:
+    def read_external(name: str) -> bytes:
         file = path.parent / name
         if not PLAIN.fullmatch(name):
             raise FileError(f"keeps its numbers in {name[:80]!r}; expected a plain name of a file beside it")
         if file.is_symlink() or not file.is_file():
-            one = shlex.join(["python", "-c", f"import onnx; onnx.save(onnx.load({path.name!r}), 'one.onnx')"])
+            remedy = shlex.join(["python", "-c", f"import onnx; onnx.save(onnx.load({path.name!r}), 'one.onnx')"])
             raise FileError(
                 f"keeps its numbers in {name!r}, which is no file beside it; put it there, or make one file where it "
-                f"is: {one}"
+                f"is: {remedy}"
             )
         return read_bounded(file, "the numbers of a network", FileError, MOST_BYTES)
 
     data = read_bounded(path, "a network in ONNX", FileError, MOST_BYTES)
-    return data, read_foreign(data, path.name, beside)
+    return data, read_foreign(data, path.name, read_external)
 
 
-def said_of(
+def describe_policy(
     network: ForeignNetwork, name: str, settings: Sequence[Path], derived: Derived, preset: str | None = None
-) -> Said:
-    """Return what is said of a policy: by its network's metadata, then by files of settings, in their order.
+) -> PolicySpec:
+    """Return the description of a policy: by its network's metadata, then by files of settings, in their order.
 
     Args:
         network: as from `read_network`.
         name: of its file, for messages.
         settings: our settings, a deploy.yaml, or rl_sar's config.yaml and base.yaml.
         derived: robot whose maker's order of joints a deploy.yaml means.
-        preset: name in `presets.PRESETS` of what fills the gaps, or None.
+        preset: name in `presets.PRESETS` of the preset that fills the gaps, or None.
 
-    Raises `StictionError`: an entry that is not known or not to be held, or something that nobody says.
+    Raises `StictionError`: an entry that is not known or cannot be held, or a missing one.
 
     """
     vendor = derived.robot.vendor
-    said, maker = Said(), None if vendor is None else vendor.order
+    spec, maker = PolicySpec(), None if vendor is None else vendor.order
     rl_sar: dict[str, Any] = {}
     for trainer, known, read in TRAINERS:
         if known(network.metadata):
             if preset not in (None, trainer):
                 raise ConfigurationError(f"--preset: got {preset}, and the metadata of {name} are {trainer}'s; leave "
                                          "it out, or name the trainer of this network")  # fmt: skip
-            said = read(network.metadata, name)
+            spec = read(network.metadata, name)
             break
-    own: list[tuple[dict[str, Any], str]] = []
+    ours: list[tuple[dict[str, Any], str]] = []
     for path in settings:
         plain = read_yaml(path, "settings of a policy", FileError, SettingsLoader)
         content = dict(take.mapping(plain, f"{path}: the file"))
         if is_deploy(content):
-            said = merged(said, said_in_deploy(content, path.name, maker))
+            spec = merged(spec, read_deploy(content, path.name, maker))
         elif is_rl_sar(content):
             # A policy's own entries stand over those of its robot, in whatever order the files are given; the
             # robot's, its base.yaml, is the one with `dt`.
             inner = entries_of(content, path.name)
             rl_sar = inner | rl_sar if "dt" in inner else rl_sar | inner
         else:
-            own.append((content, path.name))
+            ours.append((content, path.name))
     if rl_sar:
-        said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
-    for content, where in own:
-        said = merged(said, said_in_settings(content, where))
-    joints = derived.robot.joint_names if said.joint_names is None else said.joint_names
+        spec = merged(spec, read_rl_sar(rl_sar, "config.yaml and base.yaml"))
+    for content, where in ours:
+        spec = merged(spec, read_settings(content, where))
+    joints = derived.robot.joint_names if spec.joint_names is None else spec.joint_names
     if len(joints) != network.num_actions:
-        whose = f"{derived.robot.name} drives" if said.joint_names is None else "what is said of it names"
+        whose = f"{derived.robot.name} drives" if spec.joint_names is None else "its description names"
         raise ConfigurationError(
             f"{name}: the network gives {network.num_actions} actions, {whose} {len(joints)} joints; expected one "
             "action a joint: give the --robot that it was trained for"
         )
     if preset is not None:
-        said = with_preset(said, preset, derived, network.observation_size, network.num_actions)
-    said = with_length(said, network.observation_size, network.num_actions)
+        spec = with_preset(spec, preset, derived, network.observation_size, network.num_actions)
+    spec = with_length(spec, network.observation_size, network.num_actions)
     files = [name, *(path.name for path in settings)]
-    require(said, f"{' and '.join(files)} {'do' if settings else 'does'}")
-    return said
+    require(spec, f"{' and '.join(files)} {'do' if settings else 'does'}")
+    return spec
 
 
 def import_policy(
@@ -152,13 +152,13 @@ def import_policy(
         path: its network, ONNX.
         robot: what it walks on, see `find_robot`.
         out: directory to make.
-        settings: see `said_of`.
+        settings: see `describe_policy`.
         command: the command line.
-        say: called with what a user should know, a sentence each.
-        preset: see `said_of`.
+        say: called with each note for the user, a sentence.
+        preset: see `describe_policy`.
 
     Raises:
-        StictionError: the network is not to be read, something is not said, robot and policy do not fit, `out` exists,
+        StictionError: the network is not supported, a field is missing, robot and policy do not fit, `out` exists,
             or the bundle does not pass its own check.
 
     """
@@ -168,12 +168,12 @@ def import_policy(
     derived = find_derived(robot)
     spec = derived.robot
     check_named(spec)
-    said = said_of(network, path.name, settings, derived, preset)
-    contract = contract_of(said, spec, (path.name, data), git_revision(), command)
+    policy = describe_policy(network, path.name, settings, derived, preset)
+    contract = contract_of(policy, spec, (path.name, data), git_revision(), command)
     outside = [f"the numbers of {path.name} lay in {', '.join(network.files)} beside it"] if network.files else []
     replaced = limits_text(contract, spec)
-    notes = [*outside, *said.notes, *([f"the policy's torque limits are {replaced}"] if replaced else [])]
-    # What is said of the robot's file is not of the policy: the card leaves it out.
+    notes = [*outside, *policy.notes, *([f"the policy's torque limits are {replaced}"] if replaced else [])]
+    # Notes on the robot's file are not on the policy: the card leaves them out.
     for note in (*(f"{robot}: {note}" for note in derived.notes), *notes):
         say(note)
     if contract.robot != spec.name:
@@ -182,7 +182,7 @@ def import_policy(
     sizes = contract.observation.size, contract.num_joints
     if sizes != (network.observation_size, network.num_actions):
         raise ConfigurationError(
-            f"{path.name} takes {network.observation_size} numbers and gives {network.num_actions}; what is said of it "
+            f"{path.name} takes {network.observation_size} numbers and gives {network.num_actions}; its description "
             f"makes {sizes[0]} ({_terms(contract)}) and {sizes[1]}: a term, a history or a joint is wrong"
         )
     model = network.write()
@@ -206,7 +206,7 @@ def import_policy(
 def card_of(contract: Contract, files: Sequence[str], notes: Sequence[str], limits: bool, command: str) -> str:
     """Return the card of an imported policy.
 
-    files: names of the network and of what was said; limits: whether the policy's torque limits are not its robot's.
+    files: names of the network and of its settings; limits: True if the policy's torque limits are not its robot's.
     """
     return CARD.format(
         name=Path(files[0]).stem,

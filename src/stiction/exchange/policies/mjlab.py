@@ -1,7 +1,7 @@
 """mjlab's metadata in an ONNX file, read and written: lists as text with commas, lists in lists with semicolons.
 
 mjlab cuts a term off before it scales it, stacks term by term, the oldest frame first, and fills the history with the
-first frame. Its own exporter rounds to three decimals. Period, clip of the action and the meaning of terms of one's own
+first frame. Its own exporter rounds to three decimals. Period, clip of the action and the meaning of users' own terms
 are not in the file.
 """
 
@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
-from stiction.exchange.policies.description import Said, SaidTerm, unlike
+from stiction.exchange.policies.description import PolicySpec, TermSpec, unsupported_part
 from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, ObservationLayout, Term
@@ -28,16 +28,16 @@ TERMS = {
 }
 """Name in mjlab's velocity task -> ours."""
 
-OWN = {ours: theirs for theirs, ours in TERMS.items()}
+THEIR_NAMES = {ours: theirs for theirs, ours in TERMS.items()}
 
 
 def is_mjlab(metadata: Mapping[str, str]) -> bool:
-    """Say whether metadata of a network are mjlab's."""
+    """Return True if metadata of a network are mjlab's."""
     return {"joint_names", "joint_stiffness", "observation_names"} <= metadata.keys()
 
 
-def said_by_mjlab(metadata: Mapping[str, str], where: str) -> Said:
-    """Return what the metadata say; `where`: the file, for messages. Raises `StictionError`, naming the entry."""
+def read_mjlab(metadata: Mapping[str, str], where: str) -> PolicySpec:
+    """Return the description in the metadata; where: the file, for messages. Raises `StictionError` with the entry."""
 
     def entries(name: str) -> list[str]:
         if name not in metadata:
@@ -57,7 +57,7 @@ def said_by_mjlab(metadata: Mapping[str, str], where: str) -> Said:
             f"{where}: the command is {', '.join(commands)}; expected twist alone: forward, sideways, turn"
         )
     action_scale = numbers("action_scale")
-    return Said(
+    return PolicySpec(
         joint_names=tuple(entries("joint_names")),
         kp=numbers("joint_stiffness"),
         kd=numbers("joint_damping"),
@@ -74,7 +74,7 @@ def said_by_mjlab(metadata: Mapping[str, str], where: str) -> Said:
     )
 
 
-def _term(name: str, scale: str, clip: str, history: str, where: str) -> SaidTerm:
+def _term(name: str, scale: str, clip: str, history: str, where: str) -> TermSpec:
     """Return one term of the observation."""
     if name not in TERMS:
         raise ConfigurationError(
@@ -85,7 +85,7 @@ def _term(name: str, scale: str, clip: str, history: str, where: str) -> SaidTer
     ends = tuple(take.infinite(text, f"{where}: clip of {name}") for text in clip.split(";"))
     if len(ends) != 2:
         raise FileError(f"{where}: clip of {name} is {clip[:40]!r}; expected the lowest and the highest value")
-    return SaidTerm(
+    return TermSpec(
         TERMS[name],
         scale=scales[0] if len(set(scales)) == 1 else scales,
         clip=(ends[0], ends[1]),
@@ -95,10 +95,10 @@ def _term(name: str, scale: str, clip: str, history: str, where: str) -> SaidTer
     )
 
 
-def holds(layout: ObservationLayout) -> str | None:
-    """Return what of a layout mjlab's metadata cannot say; None where they can say all of it."""
+def limitation(layout: ObservationLayout) -> str | None:
+    """Return the part of a layout that mjlab's metadata cannot hold, or None."""
     for term in layout.terms:
-        if (odd := unlike(term, OWN)) is not None:
+        if (odd := unsupported_part(term, THEIR_NAMES)) is not None:
             return odd
         if (term.clips < NO_CLIP).any() and (isinstance(term.scale, tuple) or isinstance(term.clip, tuple)):
             return f"a clip after different scales of {term.name}"
@@ -130,7 +130,7 @@ def metadata_of(contract: Contract) -> dict[str, str]:
         "joint_damping": joined(contract.kd),
         "default_joint_pos": joined(contract.standing),
         "command_names": "twist",
-        "observation_names": ",".join(OWN[term.name] for term in layout.terms),
+        "observation_names": ",".join(THEIR_NAMES[term.name] for term in layout.terms),
         "observation_terms_scale": each(
             [term.scales.tolist() if isinstance(term.scale, tuple) else [float(term.scale)] for term in layout.terms]
         ),

@@ -1,7 +1,7 @@
-"""Networks of others: an ONNX file is read within bounds, what a policy needs of it is kept, and it is written anew.
+"""Networks of others: an ONNX file is read within bounds, and rewritten with the parts that a policy needs.
 
-Nothing of the file reaches a runtime as it was: nodes, constants, one input and one output are taken, names, notes and
-metadata are not; `deploy.network_file` and `deploy.operators` then check what was written like every other policy.onnx.
+The imported file is never passed to a runtime: nodes, constants, one input and one output are taken, names, notes and
+metadata are not; `deploy.network_file` and `deploy.operators` then check the rewritten file like every policy.onnx.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from stiction.deploy.operators import OPERATORS
 from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY
 
 MOST_NOTES, MOST_VALUES, LARGEST_NOTE = 256, 4096, 2**20
-"""Entries of metadata, notes on values, and bytes of one entry that is kept; longer ones are left out."""
+"""Most entries of metadata, most notes on values, and most bytes of one entry; longer ones are left out."""
 
 OPSETS, LAYOUTS = range(11, 29), range(3, 15)
-"""Versions of operators and of the file that are read: `ours.OPSETS` and `ours.IR_VERSIONS`, older ones that are
+"""Supported versions of operators and of the file: `ours.OPSETS` and `ours.IR_VERSIONS`, older ones that are
 rewritten, and newer ones that gave these operators nothing but more types."""
 
 WITH_AXES = {"Squeeze": "axes", "Unsqueeze": "axes", "ReduceSum": "axes", "Split": "split"}
 """Operator -> its attribute that is an input since version 13."""
 
 EXTERNAL = 1
-"""Place of a tensor whose numbers lie in another file."""
+"""Location of a tensor whose numbers lie in another file."""
 
-Beside = Callable[[str], bytes]
-"""Name of a file that holds numbers of a network -> its content. Raises `StictionError`."""
+ReadFile = Callable[[str], bytes]
+"""Reader of a file with numbers of a network, by its name. Raises `StictionError`."""
 
 NOTE: Fields = {1: ("key", BYTES, 1), 2: ("value", BYTES, 1)}
 MODEL: Fields = dict(ours.MODEL) | {
@@ -83,17 +83,17 @@ PORT: Fields = dict(ours.PORT) | {3: ("doc_string", BYTES, 1), 4: ("metadata_pro
 SHAPE_DIMENSION: Fields = dict(ours.DIMENSION) | {3: ("denotation", BYTES, 1)}
 
 NUMBERS = {"f": 1, "i": 2, "ints": 7}
-"""Field of an attribute that is kept -> what its type says."""
+"""Field of a supported attribute -> number of its type."""
 
 
 @dataclass(frozen=True)
 class ForeignNetwork:
-    """What is kept of somebody's network."""
+    """Supported content of another's network."""
 
     network: NetworkFile
-    """With our names: the input `observation`, the output `action`, any batch."""
+    """Network with our names: the input `observation`, the output `action`, any batch."""
     metadata: Mapping[str, str]
-    """What the file says of the policy."""
+    """Metadata of the policy in the file."""
     opset: int
     """Version of the operators."""
     layout: int
@@ -101,21 +101,21 @@ class ForeignNetwork:
     observation_size: int
     num_actions: int
     files: tuple[str, ...] = ()
-    """Names of the files beside it that held its numbers."""
+    """Names of the external files with its numbers."""
 
     def write(self) -> bytes:
         """Return the network as policy.onnx."""
         return write_network(self.network, self.opset, self.layout)
 
 
-def read_foreign(data: bytes, name: str, beside: Beside | None = None) -> ForeignNetwork:
-    """Read an ONNX file of others; `name`: of the file, for messages; beside: reads files that hold its numbers.
+def read_foreign(data: bytes, name: str, read_file: ReadFile | None = None) -> ForeignNetwork:
+    """Read an ONNX file of others; name: of the file, for messages; read_file: reader of external files.
 
-    Raises `BundleError` with everything that the network of a policy does not have: not ONNX, too large, operators that
-    are not known, several inputs or outputs, numbers in files that are not there.
+    Raises `BundleError` with every part that the network of a policy does not have: not ONNX, too large, unknown
+    operators, several inputs or outputs, numbers in missing files.
     """
     try:
-        return _read(data, beside)
+        return _read(data, read_file)
     except BundleError as error:
         raise BundleError(
             str(error)
@@ -125,7 +125,7 @@ def read_foreign(data: bytes, name: str, beside: Beside | None = None) -> Foreig
         ) from error
 
 
-def _read(data: bytes, beside: Beside | None) -> ForeignNetwork:
+def _read(data: bytes, read_file: ReadFile | None) -> ForeignNetwork:
     """Read the file; messages call it policy.onnx."""
     if len(data) > ours.MOST_BYTES:
         raise BundleError(f"policy.onnx has {len(data)} bytes; at most {ours.MOST_BYTES} are read")
@@ -134,7 +134,7 @@ def _read(data: bytes, beside: Beside | None) -> ForeignNetwork:
     layout, opset = _versions(model, faults)
     graph = read_message(only(model, "graph", "the model"), "graph", GRAPH)
     constants, nodes = {}, []
-    outside = _Outside(beside, faults)
+    outside = _ExternalFiles(read_file, faults)
     for part in graph["initializer"]:
         tensor = _tensor(part, outside)
         constants[tensor.name] = tensor
@@ -151,7 +151,7 @@ def _read(data: bytes, beside: Beside | None) -> ForeignNetwork:
     # Files of before 2019 list constants among the inputs.
     inputs = [port for port in _ports(graph["input"], "input") if port.name not in constants]
     outputs = _ports(graph["output"], "output")
-    # The velocity that our own networks estimate beside the action: no other runtime asks for it.
+    # The velocity that our own networks estimate besides the action: no other runtime asks for it.
     sides = (inputs, outputs[: len(outputs) - _estimates(outputs)])
     for side, ports in zip(("input", "output"), sides, strict=True):
         if len(ports) != 1:
@@ -172,15 +172,15 @@ def _read(data: bytes, beside: Beside | None) -> ForeignNetwork:
 
 
 def _versions(model: Mapping[str, list], faults: list[str]) -> tuple[int, int]:
-    """Return the versions of the file's layout and of ONNX's own operators; note what is wrong with them.
+    """Return the versions of the file's layout and of ONNX's own operators; note unsupported ones.
 
     Other sets of operators may be named: exporters name all that they know, used or not.
     """
     layout, opset = (model["ir_version"] or [0])[0], 0
     for part in model["opset_import"]:
-        one = read_message(part, "opset_import", ours.OPSET)
-        if text_of(one["domain"], "opset_import.domain") in ("", "ai.onnx"):
-            opset = (one["version"] or [0])[0]
+        entry = read_message(part, "opset_import", ours.OPSET)
+        if text_of(entry["domain"], "opset_import.domain") in ("", "ai.onnx"):
+            opset = (entry["version"] or [0])[0]
     if layout not in LAYOUTS or opset not in OPSETS:
         faults.append(
             f"has the layout {layout} and ONNX's operators of version {opset}; expected layout {LAYOUTS[0]} to "
@@ -190,7 +190,7 @@ def _versions(model: Mapping[str, list], faults: list[str]) -> tuple[int, int]:
 
 
 def _of_today(node: Node, opset: int, constants: dict[str, Tensor]) -> list[Node]:
-    """Return an operation as version 13 has it; what was an attribute before is a constant of the network then."""
+    """Return an operation as version 13 has it; a former attribute becomes a constant of the network."""
     key = WITH_AXES.get(node.operator)
     axes = node.attributes.get(key or "")
     if opset >= ours.OPSETS[0] or key is None or not isinstance(axes, tuple):
@@ -207,7 +207,7 @@ def _estimates(outputs: list[Port]) -> bool:
 
 
 def _several(ports: Sequence[Port], side: str) -> str:
-    """Return what is wrong with a side that has not one port."""
+    """Return the fault of a side without exactly one port."""
     names = ", ".join(repr(port.name) for port in ports)
     return (
         f"has {len(ports)} {side}s: {names}; expected one. A policy with a state, a motion or a clock of its own is "
@@ -216,74 +216,74 @@ def _several(ports: Sequence[Port], side: str) -> str:
 
 
 def _notes(parts: Iterable[memoryview]) -> dict[str, str]:
-    """Return the metadata, without entries that are too long or no text."""
-    found: dict[str, str] = {}
+    """Return the metadata, without entries that are too long or not text."""
+    metadata: dict[str, str] = {}
     for part in parts:
         note = read_message(part, "metadata", NOTE)
         key, value = text_of(note["key"], "metadata.key"), bytes(note["value"][0]) if note["value"] else b""
-        if key in found:
+        if key in metadata:
             raise BundleError(f"policy.onnx has two entries of metadata {key!r}; expected one")
         if len(value) <= LARGEST_NOTE:
-            found[key] = value.decode("utf-8", "replace")
-    return found
+            metadata[key] = value.decode("utf-8", "replace")
+    return metadata
 
 
 def _ports(parts: Iterable[memoryview], side: str) -> list[Port]:
-    """Return inputs or outputs, their shapes' notes left out."""
+    """Return inputs or outputs, without notes on their shapes."""
     return [read_port(part, side, PORT, SHAPE_DIMENSION) for part in parts]
 
 
-def _node(data: memoryview, outside: _Outside, unknown: dict[str, None]) -> Node | Tensor | None:
-    """Read one operation; a constant is a tensor. None: it is not known, and its name is noted."""
-    found = read_message(data, "node", NODE)
-    operator, domain = text_of(found["op_type"], "node.op_type"), text_of(found["domain"], "node.domain")
-    inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
+def _node(data: memoryview, outside: _ExternalFiles, unknown: dict[str, None]) -> Node | Tensor | None:
+    """Read one operation; a constant is a tensor. None: it is unknown, and its name is noted."""
+    fields = read_message(data, "node", NODE)
+    operator, domain = text_of(fields["op_type"], "node.op_type"), text_of(fields["domain"], "node.domain")
+    inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in fields[side]) for side in ("input", "output"))
     if domain not in ("", "ai.onnx") or operator not in {"Constant", *OPERATORS}:
         unknown[f"{operator!r}{f' of {domain!r}' if domain else ''}"] = None
         return None
     attributes: dict[str, Attribute] = {}
-    for part in found["attribute"]:
-        said = read_message(part, f"attribute of {operator!r}", ATTRIBUTE)
-        name, kind = text_of(said["name"], "attribute.name"), said["type"]
-        if operator == "Constant" and len(outputs) == 1 and (tensor := _constant(said, name, outside)) is not None:
+    for part in fields["attribute"]:
+        entry = read_message(part, f"attribute of {operator!r}", ATTRIBUTE)
+        name, kind = text_of(entry["name"], "attribute.name"), entry["type"]
+        if operator == "Constant" and len(outputs) == 1 and (tensor := _constant(entry, name, outside)) is not None:
             # As a constant among the others: `deploy.network_file` knows no tensors in attributes.
             return replace(tensor, name=outputs[0])
         number = next((field for field, value in NUMBERS.items() if kind == [value]), None)
         if number is None or operator == "Constant":
             raise BundleError(f"policy.onnx: attribute {name!r} of {operator!r}: expected a number, or integers")
         if number == "ints":
-            attributes[name] = tuple(map(signed, said["ints"]))
+            attributes[name] = tuple(map(signed, entry["ints"]))
         else:
-            value = said[number][0] if said[number] else 0
+            value = entry[number][0] if entry[number] else 0
             attributes[name] = signed(value) if number == "i" else float(value)
     return Node(operator, inputs, outputs, attributes)
 
 
-def _constant(said: Mapping[str, list], name: str, outside: _Outside) -> Tensor | None:
+def _constant(entry: Mapping[str, list], name: str, outside: _ExternalFiles) -> Tensor | None:
     """Return the value of a constant that stands in an attribute: a tensor, a number, or integers."""
-    if said["t"]:
-        return _tensor(said["t"][0], outside)
+    if entry["t"]:
+        return _tensor(entry["t"][0], outside)
     if name == "value_float":
-        return constant("", np.array(said["f"][0] if said["f"] else 0.0, dtype=np.float32))
+        return constant("", np.array(entry["f"][0] if entry["f"] else 0.0, dtype=np.float32))
     if name == "value_int":
-        return constant("", np.array(signed(said["i"][0]) if said["i"] else 0, dtype=np.int64))
-    return constant("", np.array([*map(signed, said["ints"])], dtype=np.int64)) if name == "value_ints" else None
+        return constant("", np.array(signed(entry["i"][0]) if entry["i"] else 0, dtype=np.int64))
+    return constant("", np.array([*map(signed, entry["ints"])], dtype=np.int64)) if name == "value_ints" else None
 
 
-class _Outside:
-    """Numbers that lie in other files; each file is read once."""
+class _ExternalFiles:
+    """Numbers in external files; each file is read once."""
 
-    def __init__(self, beside: Beside | None, faults: list[str]) -> None:
-        """beside: reads a file; faults: where what cannot be read is noted."""
-        self._beside, self._faults = beside, faults
+    def __init__(self, read_file: ReadFile | None, faults: list[str]) -> None:
+        """Start without files; read_file: reader of a file; faults: list for files that cannot be read."""
+        self._read_file, self._faults = read_file, faults
         self.failed = False
         self.files: dict[str, bytes] = {}
 
     def content(self, parts: Sequence[memoryview]) -> memoryview:
-        """Return the stretch of a file that the entries of a tensor name; nothing where there is none."""
+        """Return the stretch of a file that the entries of a tensor name; empty without one."""
         notes = [read_message(part, "external_data", NOTE) for part in parts]
-        said = {text_of(note["key"], "external_data.key"): text_of(note["value"], "external_data") for note in notes}
-        name, start, length = said.get("location", ""), said.get("offset", "0"), said.get("length", "")
+        entries = {text_of(note["key"], "external_data.key"): text_of(note["value"], "external_data") for note in notes}
+        name, start, length = entries.get("location", ""), entries.get("offset", "0"), entries.get("length", "")
         if not start.isdecimal() or not (length or "0").isdecimal() or max(len(start), len(length)) > 15:
             raise BundleError(
                 f"policy.onnx: a tensor outside has the offset {start[:20]!r}, the length {length[:20]!r}"
@@ -291,9 +291,9 @@ class _Outside:
         if name not in self.files:
             self.files[name] = b""
             try:
-                if self._beside is None:
+                if self._read_file is None:
                     raise BundleError(f"keeps tensors in the file {name!r}; expected all within")
-                self.files[name] = self._beside(name)
+                self.files[name] = self._read_file(name)
             except StictionError as error:
                 # One of them is enough: there may be a file for each tensor.
                 self._faults += [] if self.failed else [str(error)]
@@ -304,19 +304,19 @@ class _Outside:
         return whole[int(start) :][: int(length) if length else None]
 
 
-def _tensor(data: memoryview, outside: _Outside) -> Tensor:
-    """Read one constant: as raw bytes, as numbers of its type, or from a file beside the network."""
-    found = read_message(data, "tensor", TENSOR)
-    name, kind = text_of(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
-    shape = tuple(map(signed, found["dims"]))
+def _tensor(data: memoryview, outside: _ExternalFiles) -> Tensor:
+    """Read one constant: as raw bytes, as numbers of its type, or from an external file."""
+    fields = read_message(data, "tensor", TENSOR)
+    name, kind = text_of(fields["name"], "tensor.name"), (fields["data_type"] or [0])[0]
+    shape = tuple(map(signed, fields["dims"]))
     # Packed float32 lie in the file as raw bytes do; packed integers are of various lengths.
-    content = (found["raw_data"] or found["float_data"] or [memoryview(b"")])[0]
-    if found["int64_data"]:
-        numbers = [signed(value) for value in ours.packed(found["int64_data"][0])]
+    content = (fields["raw_data"] or fields["float_data"] or [memoryview(b"")])[0]
+    if fields["int64_data"]:
+        numbers = [signed(value) for value in ours.packed(fields["int64_data"][0])]
         content = memoryview(np.array(numbers, dtype="<i8").tobytes())
-    # `data_location` 0 is inside, as where nothing is said.
-    if found["data_location"] == [EXTERNAL]:
-        content = outside.content(found["external_data"])
+    # `data_location` 0 is inside, as where it is missing.
+    if fields["data_location"] == [EXTERNAL]:
+        content = outside.content(fields["external_data"])
         if outside.failed:
             return Tensor(name, kind, shape, content)
     ours.expect_size(name, kind, shape, content)
@@ -356,7 +356,7 @@ def constant(name: str, numbers: np.ndarray) -> Tensor:
 
 
 def write_network(network: NetworkFile, opset: int, layout: int, metadata: Mapping[str, str] | None = None) -> bytes:
-    """Return a network as ONNX: one file, names as they are; opset, layout: versions; metadata: said of the policy."""
+    """Return a network as ONNX: one file, names as they are; opset, layout: versions; metadata: of the policy."""
     graph = [_field(1, _node_bytes(node)) for node in network.nodes]
     graph += [_field(2, b"policy")]
     graph += [_field(5, _tensor_bytes(tensor)) for tensor in network.constants.values()]
@@ -393,12 +393,12 @@ def _node_bytes(node: Node) -> bytes:
     parts.append(_field(4, node.operator.encode()))
     for name, value in node.attributes.items():
         if isinstance(value, tuple):
-            said = b"".join(_number(8, item) for item in value) + _number(20, NUMBERS["ints"])
+            content = b"".join(_number(8, item) for item in value) + _number(20, NUMBERS["ints"])
         elif isinstance(value, float):
-            said = _varint(2 << 3 | SINGLE) + struct.pack("<f", value) + _number(20, NUMBERS["f"])
+            content = _varint(2 << 3 | SINGLE) + struct.pack("<f", value) + _number(20, NUMBERS["f"])
         else:
-            said = _number(3, value) + _number(20, NUMBERS["i"])
-        parts.append(_field(5, _field(1, name.encode()) + said))
+            content = _number(3, value) + _number(20, NUMBERS["i"])
+        parts.append(_field(5, _field(1, name.encode()) + content))
     return b"".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""Settings of five trainers' standard velocity tasks, for networks whose files do not say them: data, a `Preset` each.
+"""Settings of five trainers' standard velocity tasks, for networks whose files lack them: data, a `Preset` each.
 
 Read in public configurations: Isaac Lab 2.3 (`velocity_env_cfg`, A1, Go1, Go2), mjlab 1.6 (`velocity_env_cfg`, Go1),
 legged_gym (`legged_robot_config`, A1) with Go2 of unitree_rl_gym, unitree_rl_lab (Go2, B2), and rl_sar's files of
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
-from stiction.exchange.policies.description import Said, SaidTerm, layout_of, needed
+from stiction.exchange.policies.description import PolicySpec, TermSpec, layout_of, needed
 from stiction.files.observation import HeightScan
 from stiction.robots.model import Robot
 from stiction.robots.record import Derived
@@ -30,7 +30,7 @@ BREADTH, DEPTH, FILE, MAKER = (
 """Orders of joints."""
 
 OF_ROBOT = ("kp", "kd", "default_position", "action_scale")
-"""Fields that a robot's file may say, in place of a trainer's table."""
+"""Fields that a robot's file may state, in place of a trainer's table."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Preset:
     """Names of the tasks, for messages."""
     order: str
     """Order of the joints in action and observation."""
-    said: Said
+    settings: PolicySpec
     """Settings of all robots."""
-    observations: Mapping[str, tuple[SaidTerm, ...]]
+    observations: Mapping[str, tuple[TermSpec, ...]]
     """Layouts of one frame, by the kind of task."""
-    robots: Mapping[str, Said] = field(default_factory=dict)
+    robots: Mapping[str, PolicySpec] = field(default_factory=dict)
     """Pose, gains and scale of the action of robots that come with the trainer."""
     rules: bool = False
     """True if gains and scale of the action follow from armature and torque limit by the rule of `robots.derive`."""
@@ -67,7 +67,7 @@ POSE = {
 
 RL_SAR_POSE = {".*_hip_joint": 0.0, ".*_thigh_joint": 0.8, ".*_calf_joint": -1.5}
 RL_SAR_SCALE = {".*_hip_joint": 0.125, ".*": 0.25}
-MJLAB_GO1 = Said(
+MJLAB_GO1 = PolicySpec(
     kp={".*_calf_joint": 35.764, ".*": 15.895},
     kd={".*_calf_joint": 2.2768, ".*": 1.0119},
     default_position={
@@ -78,18 +78,18 @@ MJLAB_GO1 = Said(
 )
 """Rotors of 0.000111842 kg m² behind gears of 6 and 9, by mjlab's rule."""
 
-AT_50_HZ = Said(control_period=0.02, physics_timestep=0.005)
+AT_50_HZ = PolicySpec(control_period=0.02, physics_timestep=0.005)
 STACKED = replace(AT_50_HZ, history_layout="term_major", history_direction="oldest_first", history_fill="first")
 UNCLIPPED = replace(STACKED, action_clip=math.inf, last_action="clipped")
-"""The wrapper of rsl_rl cuts the action off before the environment sees it, where it is told to."""
+"""Action that the wrapper of rsl_rl cuts off before the environment sees it, only if it is configured to."""
 
 
-def _terms(*names: str, **scales: float | tuple[float, ...]) -> tuple[SaidTerm, ...]:
+def _terms(*names: str, **scales: float | tuple[float, ...]) -> tuple[TermSpec, ...]:
     """Return terms without a clip."""
-    return tuple(SaidTerm(name, scale=scales.get(name, 1.0)) for name in names)
+    return tuple(TermSpec(name, scale=scales.get(name, 1.0)) for name in names)
 
 
-def _clipped(terms: tuple[SaidTerm, ...], first: bool) -> tuple[SaidTerm, ...]:
+def _clipped(terms: tuple[TermSpec, ...], first: bool) -> tuple[TermSpec, ...]:
     """Return terms that are cut off at 100; first: before the scale."""
     return tuple(replace(term, clip=(-100.0, 100.0), clip_first=first) for term in terms)
 
@@ -115,11 +115,11 @@ PRESETS: Mapping[str, Preset] = {
         "Isaac-Velocity-Flat and -Rough of Isaac Lab",
         BREADTH,
         replace(UNCLIPPED, action_scale=0.5, heights=HeightScan(_grid(forward_first=True), 0.5)),
-        {FLAT: ISAACLAB, ROUGH: (*ISAACLAB, SaidTerm("height_scan", clip=(-1.0, 1.0)))},
+        {FLAT: ISAACLAB, ROUGH: (*ISAACLAB, TermSpec("height_scan", clip=(-1.0, 1.0)))},
         {
-            **dict.fromkeys(("a1", "go2"), Said(kp=25.0, kd=0.5, default_position=POSE, action_scale=0.25)),
+            **dict.fromkeys(("a1", "go2"), PolicySpec(kp=25.0, kd=0.5, default_position=POSE, action_scale=0.25)),
             # Its motors are an Actuator Net there, which has no gains.
-            "go1": Said(default_position=POSE, action_scale=0.25),
+            "go1": PolicySpec(default_position=POSE, action_scale=0.25),
         },
     ),
     "legged_gym": Preset(
@@ -135,15 +135,15 @@ PRESETS: Mapping[str, Preset] = {
         ),
         {
             FLAT: LEGGED_GYM,
-            ROUGH: (*LEGGED_GYM, SaidTerm("height_scan", scale=5.0, clip=(-1.0, 1.0), clip_first=True)),
+            ROUGH: (*LEGGED_GYM, TermSpec("height_scan", scale=5.0, clip=(-1.0, 1.0), clip_first=True)),
         },
-        dict.fromkeys(("a1", "go2"), Said(kp=20.0, kd=0.5, default_position=POSE, action_scale=0.25)),
+        dict.fromkeys(("a1", "go2"), PolicySpec(kp=20.0, kd=0.5, default_position=POSE, action_scale=0.25)),
     ),
     "mjlab": Preset(
         "Mjlab-Velocity-Flat and -Rough",
         FILE,
         replace(UNCLIPPED, heights=HeightScan(_grid(forward_first=True))),
-        {FLAT: MJLAB, ROUGH: (*MJLAB, SaidTerm("height_scan", scale=0.2))},
+        {FLAT: MJLAB, ROUGH: (*MJLAB, TermSpec("height_scan", scale=0.2))},
         {"go1": MJLAB_GO1},
         rules=True,
     ),
@@ -153,8 +153,10 @@ PRESETS: Mapping[str, Preset] = {
         replace(AT_50_HZ, action_clip=100.0, last_action="clipped", history_fill="zero"),
         {FLAT: _clipped(_terms(*BLIND, angular_velocity=0.25, joint_velocity=0.05), first=False)},
         {
-            "go2": Said(kp=20.0, kd=0.5, default_position=RL_SAR_POSE, action_scale=RL_SAR_SCALE, torque_limit=23.5),
-            "b2": Said(
+            "go2": PolicySpec(
+                kp=20.0, kd=0.5, default_position=RL_SAR_POSE, action_scale=RL_SAR_SCALE, torque_limit=23.5
+            ),
+            "b2": PolicySpec(
                 kp=160.0,
                 kd=5.0,
                 default_position=RL_SAR_POSE,
@@ -169,8 +171,8 @@ PRESETS: Mapping[str, Preset] = {
         replace(STACKED, action_scale=0.25, action_clip=math.inf, last_action="raw"),
         {FLAT: _clipped(_terms(*BLIND, angular_velocity=0.2, joint_velocity=0.05), first=True)},
         {
-            "go2": Said(kp=25.0, kd=0.5, default_position=POSE),
-            "b2": Said(kp=160.0, kd=5.0, default_position=POSE),
+            "go2": PolicySpec(kp=25.0, kd=0.5, default_position=POSE),
+            "b2": PolicySpec(kp=160.0, kd=5.0, default_position=POSE),
         },
     ),
 }
@@ -208,7 +210,7 @@ def _children(robot: Robot, parents: tuple[int, ...] | list[int]) -> list[int]:
 
 
 def _by_maker(robot: Robot) -> tuple[str, ...] | None:
-    """Return the driven joints in the maker's order; None where nobody said it."""
+    """Return the driven joints in the maker's order; None where that is unknown."""
     if robot.vendor is None:
         return None
     return tuple(name for name in robot.vendor.order if name in robot.joint_names)
@@ -223,13 +225,13 @@ ORDERS: Mapping[str, Callable[[Robot], tuple[str, ...] | None]] = {
 """Order -> names of a robot's driven joints."""
 
 
-def with_preset(said: Said, name: str, derived: Derived, size: int, num_actions: int) -> Said:
-    """Return what is said of a policy with its gaps filled by a preset; the notes tell each, with its value and source.
+def with_preset(spec: PolicySpec, name: str, derived: Derived, size: int, num_actions: int) -> PolicySpec:
+    """Return the description of a policy with its gaps filled by a preset, and a note on each with its source.
 
     Args:
-        said: of the policy, by its metadata and settings.
+        spec: description of the policy, by its metadata and settings.
         name: of the preset.
-        derived: the robot, and where its values are from.
+        derived: the robot, with the origins of its values.
         size: numbers that the network takes.
         num_actions: actions that it gives.
 
@@ -238,15 +240,15 @@ def with_preset(said: Said, name: str, derived: Derived, size: int, num_actions:
     """
     preset, robot = PRESETS[name], derived.robot
     layers = (
-        (preset.order, Said(joint_names=ORDERS[preset.order](robot))),
-        (f"its {robot.name}", preset.robots.get(robot.name, Said())),
+        (preset.order, PolicySpec(joint_names=ORDERS[preset.order](robot))),
+        (f"its {robot.name}", preset.robots.get(robot.name, PolicySpec())),
         (f"the robot's file{', or by rule from armature and torque limit' * preset.rules}", _of_file(derived, preset)),
-        (preset.tasks, preset.said),
+        (preset.tasks, preset.settings),
     )
-    filled = said
+    filled = spec
     why: dict[str, str] = {}
     for source, layer in layers:
-        values = {part.name: getattr(layer, part.name) for part in fields(Said) if part.name != "notes"}
+        values = {part.name: getattr(layer, part.name) for part in fields(PolicySpec) if part.name != "notes"}
         gaps = {key: value for key, value in values.items() if value is not None and getattr(filled, key) is None}
         filled, why = replace(filled, **gaps), why | dict.fromkeys(gaps, source)
     if filled.observation is None:
@@ -258,28 +260,28 @@ def with_preset(said: Said, name: str, derived: Derived, size: int, num_actions:
         f"--preset {name} assumes {key} {_text(getattr(filled, key))} ({source})" for key, source in told.items()
     ] or [f"--preset {name} assumes nothing: the files say all"]
     assumed = {"preset": name, "assumed": ", ".join(told)} if told else None
-    return replace(filled, assumed=assumed, notes=(*said.notes, *notes))
+    return replace(filled, assumed=assumed, notes=(*spec.notes, *notes))
 
 
-def _of_file(derived: Derived, preset: Preset) -> Said:
-    """Return gains, pose and scale of the action that a robot's file says of all joints, and those by the same rule."""
+def _of_file(derived: Derived, preset: Preset) -> PolicySpec:
+    """Return gains, pose and scale of the action that a robot's file states for all joints, and those by rule."""
     values: dict[str, Any] = {}
     for name in OF_ROBOT:
         origins = [origin for origin in derived.origins if origin.field == name]
-        own = {origin.subject for origin in origins if preset.rules or not origin.source.startswith("rule")}
-        if own >= set(derived.robot.joint_names):
+        stated = {origin.subject for origin in origins if preset.rules or not origin.source.startswith("rule")}
+        if stated >= set(derived.robot.joint_names):
             each = {re.escape(joint.name): float(getattr(joint, name)) for joint in derived.robot.joints}
             values[name] = each if len(set(each.values())) > 1 else next(iter(each.values()))
-    return Said(**values)
+    return PolicySpec(**values)
 
 
-def _layout(said: Said, name: str, size: int, num_actions: int) -> tuple[str, tuple[SaidTerm, ...]]:
-    """Return the layout of a preset that has a network's size, and its kind; a history that nobody says is free."""
+def _layout(spec: PolicySpec, name: str, size: int, num_actions: int) -> tuple[str, tuple[TermSpec, ...]]:
+    """Return the layout of a preset that has a network's size, and its kind; an unstated history is free."""
     frames = {
-        kind: layout_of(replace(said, observation=terms, history_length=1), num_actions).size
+        kind: layout_of(replace(spec, observation=terms, history_length=1), num_actions).size
         for kind, terms in PRESETS[name].observations.items()
     }
-    length = said.history_length
+    length = spec.history_length
     fits = [kind for kind, frame in frames.items() if size == frame * (length or 1)]
     if not fits and length is None:
         fits = [kind for kind, frame in frames.items() if size % frame == 0]
@@ -302,11 +304,11 @@ def _text(value: object) -> str:
     if isinstance(value, float):
         return "none" if math.isinf(value) else f"{value:g}"
     if isinstance(value, tuple):
-        return ", ".join(_term(part) if isinstance(part, SaidTerm) else str(part) for part in value)
+        return ", ".join(_term(part) if isinstance(part, TermSpec) else str(part) for part in value)
     return str(value)
 
 
-def _term(term: SaidTerm) -> str:
+def _term(term: TermSpec) -> str:
     """Return a term with its scale and clip, for a note."""
     scale = "" if term.scale == 1.0 else f" x {term.scale}"
     if term.clip is None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
-from stiction.exchange.policies.description import UNBOUNDED, Said, SaidTerm, unlike
+from stiction.exchange.policies.description import UNBOUNDED, PolicySpec, TermSpec, unsupported_part
 from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout
@@ -34,7 +34,7 @@ TERMS = {
 }
 """Name in rl_sar -> ours."""
 
-OWN = {ours: theirs for theirs, ours in TERMS.items()} | {"angular_velocity": "ang_vel"}
+THEIR_NAMES = {ours: theirs for theirs, ours in TERMS.items()} | {"angular_velocity": "ang_vel"}
 
 SCALES = {
     "base_linear_velocity": "lin_vel_scale",
@@ -50,7 +50,7 @@ G1_CLOCK = GaitClock(0.8, (0.0,))
 
 
 def is_rl_sar(content: Mapping[str, Any]) -> bool:
-    """Say whether a YAML file is a config.yaml or base.yaml of rl_sar: one robot, or policy, with entries."""
+    """Return True if a YAML file is a config.yaml or base.yaml of rl_sar: one robot, or policy, with entries."""
     inner = list(content.values())
     known = {"rl_kp", "num_of_dofs", "observations_history", "joint_mapping"}
     return len(inner) == 1 and isinstance(inner[0], Mapping) and bool(known & inner[0].keys())
@@ -61,42 +61,42 @@ def entries_of(content: Mapping[str, Any], where: str) -> dict[str, Any]:
     return dict(take.mapping(next(iter(content.values())), where))
 
 
-def said_by_rl_sar(entries: Mapping[str, Any], where: str) -> Said:
-    """Return what config.yaml and base.yaml together say; `where`: the files. Raises `StictionError`."""
+def read_rl_sar(entries: Mapping[str, Any], where: str) -> PolicySpec:
+    """Return the description in config.yaml and base.yaml together; where: the files. Raises `StictionError`."""
 
     def vector(name: str, count: int | None = None) -> tuple[float, ...] | None:
         return None if name not in entries else take.numbers(entries[name], f"{where}: {name}", count)
 
     if entries.get("wheel_indices"):
         raise ConfigurationError(f"{where}: wheel_indices: wheels, which are driven by velocity, are not read")
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     pose = vector("default_dof_pos")
     if "joint_names" in entries and pose is not None:
         names = take.names(entries["joint_names"], f"{where}: joint_names")
-        given = entries.get("joint_mapping", list(range(len(pose))))
+        mapping = entries.get("joint_mapping", list(range(len(pose))))
         order = [
-            take.whole(item, f"{where}: joint_mapping") for item in take.sequence(given, f"{where}: joint_mapping")
+            take.whole(item, f"{where}: joint_mapping") for item in take.sequence(mapping, f"{where}: joint_mapping")
         ]
         if len(set(order)) != len(pose) or not all(0 <= number < len(names) for number in order):
             raise FileError(
                 f"{where}: joint_mapping is {order}; expected {len(pose)} different numbers under {len(names)}"
             )
-        found["joint_names"] = tuple(names[number] for number in order)
+        fields["joint_names"] = tuple(names[number] for number in order)
     if "dt" in entries:
         step = take.number(entries["dt"], f"{where}: dt")
-        found["physics_timestep"] = step
-        found["control_period"] = step * take.whole(entries.get("decimation"), f"{where}: decimation")
+        fields["physics_timestep"] = step
+        fields["control_period"] = step * take.whole(entries.get("decimation"), f"{where}: decimation")
     for field, name in (("kp", "rl_kp"), ("kd", "rl_kd"), ("torque_limit", "torque_limits")):
-        found[field] = vector(name)
-    found["default_position"] = pose
+        fields[field] = vector(name)
+    fields["default_position"] = pose
     if "action_scale" in entries:
-        found["action_scale"] = take.one_or_all(entries["action_scale"], f"{where}: action_scale")
+        fields["action_scale"] = take.one_or_all(entries["action_scale"], f"{where}: action_scale")
     if "clip_actions_upper" in entries:
-        found |= {"action_clip": _action_clip(entries, where), "last_action": "clipped"}
+        fields |= {"action_clip": _action_clip(entries, where), "last_action": "clipped"}
     if "observations" in entries:
-        found |= _observations(entries, where)
+        fields |= _observations(entries, where)
     note = "rl_sar begins with a history of zeros; whether the training did is not in its files"
-    return Said(**found, notes=(note,) if found.get("history_length", 1) > 1 else ())
+    return PolicySpec(**fields, notes=(note,) if fields.get("history_length", 1) > 1 else ())
 
 
 def _action_clip(entries: Mapping[str, Any], where: str) -> float:
@@ -114,9 +114,9 @@ def _action_clip(entries: Mapping[str, Any], where: str) -> float:
 
 
 def _observations(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return the terms, and how frames are stacked."""
+    """Return the terms, and the stacking of frames."""
     clip = take.number(entries.get("clip_obs", NO_CLIP), f"{where}: clip_obs")
-    terms: list[SaidTerm] = []
+    terms: list[TermSpec] = []
     for name in take.names(entries["observations"], f"{where}: observations"):
         if name not in TERMS:
             raise ConfigurationError(f"{where}: {unknown_name('observation term', name, TERMS)}")
@@ -125,12 +125,12 @@ def _observations(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
             if entry not in entries:
                 raise FileError(f"{where}: {entry!r} is missing, the scale of {name}")
             scale = take.one_or_all(entries[entry], f"{where}: {entry}")
-        terms.append(SaidTerm(TERMS[name], scale=scale, clip=(-clip, clip)))
-    found: dict[str, Any] = {"observation": tuple(terms), "history_fill": "zero"}
+        terms.append(TermSpec(TERMS[name], scale=scale, clip=(-clip, clip)))
+    stacking: dict[str, Any] = {"observation": tuple(terms), "history_fill": "zero"}
     if any(term.name == "phase" for term in terms):
-        found["clock"] = G1_CLOCK
-    given = entries.get("observations_history") or [0]
-    frames = [take.whole(item, f"{where}: observations_history") for item in take.sequence(given, where)]
+        stacking["clock"] = G1_CLOCK
+    listed = entries.get("observations_history") or [0]
+    frames = [take.whole(item, f"{where}: observations_history") for item in take.sequence(listed, where)]
     # A single frame is both; it is called the newest first.
     newest_first = frames == list(range(len(frames)))
     if not newest_first and frames != list(range(len(frames)))[::-1]:
@@ -138,17 +138,17 @@ def _observations(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
             f"{where}: observations_history is {frames}; expected every frame from 0 on, up or down"
         )
     priority = take.choice(entries.get("observations_history_priority", "time"), f"{where}: priority", "time", "term")
-    return found | {
+    return stacking | {
         "history_length": len(frames),
         "history_layout": "frame_major" if priority == "time" else "term_major",
         "history_direction": "newest_first" if newest_first else "oldest_first",
     }
 
 
-def holds(layout: ObservationLayout) -> str | None:
-    """Return what of a layout rl_sar cannot say; None where it can say all of it."""
+def limitation(layout: ObservationLayout) -> str | None:
+    """Return the part of a layout that rl_sar cannot hold, or None."""
     for term in layout.terms:
-        if (odd := unlike(term, OWN)) is not None:
+        if (odd := unsupported_part(term, THEIR_NAMES)) is not None:
             return odd
         if layout.history_of(term) != layout.history_length:
             return "histories of different lengths"
@@ -189,7 +189,7 @@ def config_of(contract: Contract, model: str) -> tuple[dict[str, Any], dict[str,
     config = {
         "model_name": model,
         "num_observations": layout.frame_size,
-        "observations": [OWN[term.name] for term in layout.terms],
+        "observations": [THEIR_NAMES[term.name] for term in layout.terms],
         "observations_history": [] if length == 1 else frames if layout.direction == "newest_first" else frames[::-1],
         "observations_history_priority": "time" if layout.layout == "frame_major" else "term",
         "clip_obs": float(layout.terms[0].clips[0]),

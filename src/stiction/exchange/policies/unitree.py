@@ -1,7 +1,7 @@
 """deploy.yaml of unitree_rl_lab, read and written.
 
-Angles, scales and offsets are in the policy's order of the joints; gains are in the maker's, `joint_ids_map` says which
-of the maker's joints each of the policy's is. A term is cut off before it is scaled (`scale_first` turns that round),
+Angles, scales and offsets are in the policy's order of the joints; gains are in the maker's, `joint_ids_map` has the
+maker's number of each of the policy's joints. A term is cut off before it is scaled (`scale_first` turns that round),
 frames are stacked term by term (`use_gym_history`: whole frames), the oldest first; the history begins with the first
 frame. The last action is the network's output as it is; `clip` of the action is one of angles.
 """
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
-from stiction.exchange.policies.description import Said, SaidTerm, unlike
+from stiction.exchange.policies.description import PolicySpec, TermSpec, unsupported_part
 from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout, Term
@@ -31,27 +31,27 @@ TERMS = {
 }
 """Name in unitree_rl_lab -> ours."""
 
-OWN = {ours: theirs for theirs, ours in TERMS.items()}
+THEIR_NAMES = {ours: theirs for theirs, ours in TERMS.items()}
 
 WIDE = 10.0
 """Angle that no joint of a legged robot reaches [rad]: clips from there on, as of unitree_rl_lab's Go2, cut nothing."""
 
 SWITCHES = ("scale_first", "use_gym_history")
-"""Entries among the observations that are no terms."""
+"""Entries among the observations that are not terms."""
 
 
 def is_deploy(content: Mapping[str, Any]) -> bool:
-    """Say whether a YAML file is a deploy.yaml."""
+    """Return True if a YAML file is a deploy.yaml."""
     return {"step_dt", "observations"} <= content.keys()
 
 
-def said_in_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] | None) -> Said:
-    """Return what a deploy.yaml says.
+def read_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] | None) -> PolicySpec:
+    """Return the description in a deploy.yaml.
 
     Args:
         content: of the file.
         where: the file, for messages.
-        maker: the joints in the maker's order; None: it is not known.
+        maker: joints in the maker's order; None: unknown.
 
     Raises `StictionError`, naming the entry.
 
@@ -71,7 +71,7 @@ def said_in_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] 
                         f"numbers; expected one for each of the maker's joints up to {max(ids)}")  # fmt: skip
     pose = take.numbers(content.get("default_joint_pos"), f"{where}: default_joint_pos", len(ids))
     terms, clock, history = _observations(take.mapping(content["observations"], f"{where}: observations"), where)
-    return Said(
+    return PolicySpec(
         joint_names=tuple(maker[number] for number in ids),
         control_period=take.number(content["step_dt"], f"{where}: step_dt"),
         kp=tuple(gains["stiffness"][number] for number in ids),
@@ -87,7 +87,7 @@ def said_in_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] 
 
 
 def _action_scale(content: Mapping[str, Any], pose: tuple[float, ...], where: str) -> tuple[float, ...]:
-    """Return the scale of the action; refuse other actions than angles of all joints about the pose."""
+    """Return the scale of the action; reject other actions than angles of all joints about the pose."""
     if list(content) != ["JointPositionAction"]:
         raise ConfigurationError(f"{where}: the actions are {', '.join(content)}; expected JointPositionAction alone")
     action = take.mapping(content["JointPositionAction"], f"{where}: JointPositionAction")
@@ -102,15 +102,15 @@ def _action_scale(content: Mapping[str, Any], pose: tuple[float, ...], where: st
         raise ConfigurationError(f"{where}: JointPositionAction has joint_ids, a part of the joints, which a contract "
                                  "does not hold")  # fmt: skip
     offset = take.numbers(action.get("offset"), f"{where}: offset", len(pose))
-    if any(abs(one - other) > 1e-6 for one, other in zip(offset, pose, strict=True)):
+    if any(abs(shift - angle) > 1e-6 for shift, angle in zip(offset, pose, strict=True)):
         raise ConfigurationError(f"{where}: the action's offset is not default_joint_pos; a contract holds one pose")
     return take.numbers(action.get("scale"), f"{where}: scale", len(pose))
 
 
 def _observations(
     content: Mapping[str, Any], where: str
-) -> tuple[tuple[SaidTerm, ...], GaitClock | None, dict[str, Any]]:
-    """Return the terms, the gait clock where one is observed, and how frames are stacked."""
+) -> tuple[tuple[TermSpec, ...], GaitClock | None, dict[str, Any]]:
+    """Return the terms, the gait clock where one is observed, and the stacking of frames."""
     switches = {name: content.get(name, False) for name in SWITCHES}
     if not all(isinstance(value, bool) for value in switches.values()):
         raise FileError(
@@ -124,19 +124,19 @@ def _observations(
         if name not in TERMS:
             raise ConfigurationError(f"{where}: {unknown_name('observation term', name, TERMS)}; or it is a group: "
                                      "one group of observations is read")  # fmt: skip
-        said = take.mapping(entry, place)
-        parameters = take.mapping(said.get("params") or {}, f"{place}: params")
+        fields = take.mapping(entry, place)
+        parameters = take.mapping(fields.get("params") or {}, f"{place}: params")
         if name == "gait_phase":
             clock = GaitClock(take.number(parameters.get("period"), f"{place}: period"), (0.0,), first=1)
         elif set(parameters) - {"command_name"}:
             raise ConfigurationError(f"{place}: params {', '.join(parameters)}: a part of the joints is not read")
         terms.append(
-            SaidTerm(
+            TermSpec(
                 TERMS[name],
-                scale=take.one_or_all(said["scale"], f"{place}: scale") if said.get("scale") is not None else 1.0,
-                clip=take.bounds(said.get("clip"), f"{place}: clip"),
+                scale=take.one_or_all(fields["scale"], f"{place}: scale") if fields.get("scale") is not None else 1.0,
+                clip=take.bounds(fields.get("clip"), f"{place}: clip"),
                 clip_first=not switches["scale_first"],
-                history=take.whole(said.get("history_length", 1), f"{place}: history_length"),
+                history=take.whole(fields.get("history_length", 1), f"{place}: history_length"),
             )
         )
     frames = switches["use_gym_history"]
@@ -149,10 +149,10 @@ def _observations(
     return tuple(terms), clock, history
 
 
-def holds(layout: ObservationLayout) -> str | None:
-    """Return what of a layout a deploy.yaml cannot say; None where it can say all of it."""
+def limitation(layout: ObservationLayout) -> str | None:
+    """Return the part of a layout that a deploy.yaml cannot hold, or None."""
     for term in layout.terms:
-        if (odd := unlike(term, OWN)) is not None:
+        if (odd := unsupported_part(term, THEIR_NAMES)) is not None:
             return odd
         if isinstance(term.clip, tuple):
             return f"different clips within {term.name}"
@@ -189,12 +189,12 @@ def deploy_of(contract: Contract, commands: Sequence[float]) -> dict[str, Any]:
             "gains and targets for the policy's joints alone, and would let them hang"
         )
     ids = [vendor.order.index(name) for name in contract.joint_names]
-    own = [contract.joint_names.index(name) for name in vendor.order]
+    numbers = [contract.joint_names.index(name) for name in vendor.order]
     # One for each joint, also where the contract has one for all.
     scale = (contract.array("standing") * 0 + contract.scale).tolist()
     # A clip after the scale is one before it, divided; where scales differ within a term it has to stay behind.
     clip_last = any((term.clips < NO_CLIP).any() and isinstance(term.scale, tuple) for term in layout.terms)
-    observations: dict[str, Any] = {OWN[term.name]: _entry(term, layout, clip_last) for term in layout.terms}
+    observations: dict[str, Any] = {THEIR_NAMES[term.name]: _entry(term, layout, clip_last) for term in layout.terms}
     if clip_last:
         observations["scale_first"] = True
     if layout.depth > 1 and layout.layout == "frame_major":
@@ -203,8 +203,8 @@ def deploy_of(contract: Contract, commands: Sequence[float]) -> dict[str, Any]:
     return {
         "joint_ids_map": ids,
         "step_dt": contract.control_period,
-        "stiffness": [contract.kp[number] for number in own],
-        "damping": [contract.kd[number] for number in own],
+        "stiffness": [contract.kp[number] for number in numbers],
+        "damping": [contract.kd[number] for number in numbers],
         "default_joint_pos": list(contract.standing),
         "commands": {"base_velocity": {"ranges": ranges | {"heading": None}}},
         "actions": {

@@ -1,4 +1,4 @@
-"""Values of others' settings and metadata of policies: what they have beside those of every YAML file."""
+"""Values of others' settings and metadata of policies: additions to those of every YAML file."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class PolicyValues(Values):
         """Return one number, or a list of them; a list of one number over and over is that number."""
         if not isinstance(value, list):
             return self.number(value, where)
-        found = self.numbers(value, where)
-        return found[0] if found and len(set(found)) == 1 else found
+        values = self.numbers(value, where)
+        return values[0] if values and len(set(values)) == 1 else values
 
     def by_joint(self, value: Any, where: str) -> float | tuple[float, ...] | dict[str, float]:
         """Return a number, a list of them, or regular expressions of joints with numbers."""
@@ -43,12 +43,12 @@ class PolicyValues(Values):
     def infinite(self, text: str, where: str) -> float:
         """Return a number of text in metadata, where infinite ones are allowed."""
         try:
-            found = float(text)
+            number = float(text)
         except ValueError as error:
             raise self.kind(f"{where} is {text[:60]!r}; expected a number") from error
-        if math.isnan(found):
+        if math.isnan(number):
             raise self.kind(f"{where} is not a number; expected one")
-        return found
+        return number
 
 
 take = PolicyValues(FileError)

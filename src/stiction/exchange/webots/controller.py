@@ -1,4 +1,4 @@
-"""Drives the robot of a Webots world by a policy bundle: the controller program itself. Not run in Webots.
+"""Controller program of the robot in a Webots world, by a policy bundle. Not run in Webots.
 
 `stiction export --to webots` copies this file, as it is, into the project, beside the bundle. It needs the base install
 of stiction (NumPy and onnxruntime, neither torch nor a simulator) and is started from outside of Webots:
@@ -49,13 +49,13 @@ class Odometer:
     """Velocity reached, over control periods: of the place in the heading's frame, and the yaw rate."""
 
     def __init__(self, period: float) -> None:
-        """`period`: between two calls of `add` [s]."""
+        """Start without a place; period: between two calls of `add` [s]."""
         self._period = period
         self._velocity: list[tuple[float, float, float]] = []
         self._last: np.ndarray | None = None
 
     def add(self, place: np.ndarray, sensors: Sensors) -> None:
-        """Note where the robot is, (3,) [m]."""
+        """Note the robot's place, (3,) [m]."""
         if self._last is not None:
             along, across = (place - self._last)[:2] / self._period
             facing = yaw(sensors.quaternion)
@@ -76,26 +76,26 @@ IMU, GYRO, GPS, RECEIVER, SENSOR = "imu", "gyro", "gps", "plugin", "_sensor"
 """Names of the devices; a joint's sensor is called like the joint and `SENSOR`, its motor like the joint."""
 
 PLUGIN, CHANNEL = "rotor_inertia", 1
-"""The physics plugin, and the channel on which it says in every step that it acts."""
+"""Physics plugin, and the channel on which it reports in every step."""
 
 PATIENCE = 10
-"""Physics steps in which the plugin must have said something."""
+"""Physics steps within which the plugin must report."""
 
 
 @dataclass(frozen=True)
 class ControllerCfg:
-    """How to walk."""
+    """Command and length of the walk."""
 
     command: str = "vx=0.5"
     """Commanded velocity, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
     hold_heading: bool = False
     """Correct the heading back to that of the start, as a pilot would: for stairs."""
     seconds: float = 20.0
-    """How long [s]; the first 2 s are not measured."""
+    """Length of the walk [s]; the first 2 s are not measured."""
 
 
 class Devices:
-    """The motors and sensors of the robot in Webots, in the order of the contract."""
+    """Motors and sensors of the robot in Webots, in the order of the contract."""
 
     def __init__(self, robot: Any, contract: Contract) -> None:
         """Find the devices and enable the sensors.
@@ -138,7 +138,7 @@ class Devices:
         return sensor
 
     def sense(self) -> Sensors:
-        """Return what the robot measures now; to be called once after every physics step.
+        """Return the robot's present readings; to be called once after every physics step.
 
         The first call has no velocities of the joints yet: they are zero.
         """
@@ -154,7 +154,7 @@ class Devices:
         )
 
     def listen(self, steps: int) -> None:
-        """Hear whether the physics plugin acts; raise `StictionError` where it was silent for `PATIENCE` steps.
+        """Check that the physics plugin acts; raise `StictionError` where it was silent for `PATIENCE` steps.
 
         steps: physics steps so far, from 0 on in each call.
         """
@@ -165,11 +165,11 @@ class Devices:
                     f"the physics plugin {PLUGIN} says nothing, so the joints have no rotor inertia: build it (make in "
                     f"plugins/physics/{PLUGIN}), open the world again, and read what the console says of it"
                 )
-            # Nobody reads it from here on, and its queue would grow at every step.
+            # The queue is not read from here on, and would grow at every step.
             self._receiver.disable()
 
     def place(self) -> np.ndarray:
-        """Return where the trunk is in the world [m], shape (3,)."""
+        """Return the trunk's place in the world [m], shape (3,)."""
         return np.array(self._gps.getValues(), float)
 
     def set_torque(self, torque: np.ndarray) -> None:
@@ -179,7 +179,7 @@ class Devices:
 
 
 class PolicyLoop:
-    """The policy once every control period, the joint controller at every physics step."""
+    """Loop of the policy, once every control period, and of the joint controller, at every physics step."""
 
     def __init__(self, contract: Contract, policy: Policy) -> None:
         """Start with the policy due."""
@@ -192,14 +192,14 @@ class PolicyLoop:
 
     @property
     def due(self) -> bool:
-        """Whether the policy acts at the coming physics step."""
+        """True if the policy acts at the coming physics step."""
         return self.steps % self.contract.decimation == 0
 
     def torque(self, sensors: Sensors, command: np.ndarray) -> np.ndarray:
         """Return the torques of the coming physics step [N m], shape (J,).
 
-        sensors: of now; command: forward, sideways [m/s], turn [rad/s], shape (3,). Raises `PolicyError` for what is
-        not finite.
+        sensors: present readings; command: forward, sideways [m/s], turn [rad/s], shape (3,). Raises `PolicyError` for
+        values that are not finite.
         """
         if self.due:
             self.target = self._loop.act(sensors, command).target
@@ -213,7 +213,7 @@ class PolicyLoop:
 
 
 def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
-    """Walk until time is up, the robot falls or Webots ends the program; return what came of it in one line.
+    """Walk until time is up, the robot falls or Webots ends the program; return the result in one line.
 
     It has fallen where its trunk leans too far, or is too low over the ground at its start.
 
@@ -261,7 +261,7 @@ def webots_robot() -> Any:
 
 
 def main(arguments: list[str]) -> int:
-    """Check the bundle beside this file, drive the robot, print what came of it; return the exit status."""
+    """Check the bundle next to this file, drive the robot, print the result; return the exit status."""
     try:
         cfg = read_options(ControllerCfg, arguments, Path(__file__).name, str(ControllerCfg.__doc__))
         bundle = check_bundle(Path(__file__).parent / "bundle").bundle

@@ -1,4 +1,4 @@
-"""Turns a policy bundle into a Webots project: protos/, worlds/, controllers/, plugins/. Not run in Webots.
+"""Export of a policy bundle to a Webots project: protos/, worlds/, controllers/, plugins/. Not run in Webots.
 
 The project is made of the robot's `Robot` (shapes, masses, limits) and of the bundle's contract (gains, rotor
 inertia and viscous friction of the joints, rates). The bundle is checked before it is copied, and the copy after.
@@ -12,7 +12,7 @@ gives the torque -I (q'_after - q'_before) / Δt, which is -I q'': the rotor's, 
 plugin and steps it in ODE 0.16, where the ODE library is at hand. **Not run in Webots.** Without rotor inertia a light
 link is stiff against its gains at the physics step, and the joint controller may ring.
 
-The plugin tells the controller in every step that it acts (a message on channel `CHANNEL`), and says nothing where a
+The plugin reports to the controller in every step (a message on channel `CHANNEL`), and is silent where a
 joint of its table is missing: the controller then refuses to walk without rotor inertia.
 
 Source: ODE's manual, "Stops and motor parameters" and "CFM"; docs/reference of https://github.com/cyberbotics/webots,
@@ -44,10 +44,10 @@ from stiction.robots.model import Robot
 from stiction.robots.terrain import STEEPEST
 
 TABLE = "joints.h"
-"""The generated file."""
+"""Name of the generated file."""
 
 FIXED = (f"{PLUGIN}.c", "Makefile")
-"""Files that are the same for every robot; they lie beside this module."""
+"""Files that are the same for every robot; they lie next to this module."""
 
 
 def write_table(spec: Robot, contract: Contract) -> str:
@@ -69,8 +69,8 @@ def write_table(spec: Robot, contract: Contract) -> str:
 
 def plugin_files(spec: Robot, contract: Contract) -> dict[str, str]:
     """Return name -> text of the files of the plugin's folder."""
-    beside = resources.files(__package__)
-    return {name: beside.joinpath(name).read_text("utf-8") for name in FIXED} | {TABLE: write_table(spec, contract)}
+    folder = resources.files(__package__)
+    return {name: folder.joinpath(name).read_text("utf-8") for name in FIXED} | {TABLE: write_table(spec, contract)}
 
 
 TEMPLATE = """\
@@ -169,22 +169,22 @@ CONTROLLER = "stiction_policy"
 """Name of the controller's folder and program."""
 
 NOT_RUN = "written and tested short of running; not run in Webots"
-"""What everybody is told."""
+"""Note for every user."""
 
 
 @dataclass(frozen=True)
 class WebotsCfg:
-    """What the worlds are like."""
+    """Settings of the worlds."""
 
     friction_level: float = 0.0
-    """Dry friction of the joints as a fraction of each one's torque limit [-]. None by default: the friction of a world
-    is the question that is asked, so it is said and not assumed. Webots has Coulomb's law alone."""
+    """Dry friction of the joints as a fraction of each one's torque limit [-]; none by default, for the friction of a
+    world is to be chosen and not assumed. Webots has Coulomb's law alone."""
     step_height: float = 0.10
     """Height of the stairs' steps [m]. A policy trained on stairs climbed 12 cm in 92 of 100 trials in MuJoCo, without
     friction (`results/stairs`); this is a little less."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no world."""
+        """Reject impossible worlds."""
         if not 0 <= self.friction_level <= MAX_LEVEL:
             raise ConfigurationError(
                 f"friction level {self.friction_level} is outside [0, {MAX_LEVEL}], fractions of the torque limit"
@@ -196,7 +196,7 @@ class WebotsCfg:
 def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: str | None = None) -> Exported:
     """Write the Webots project of a bundle to a folder that does not exist yet, whole or not at all.
 
-    source: directory of the bundle; robot: one of one's own, `package.module:NAME`, by default the bundle's.
+    source: directory of the bundle; robot: a robot of the user, `package.module:NAME`, by default the bundle's.
 
     Raises:
         StictionError: the bundle does not pass its checks, does not fit the robot or Webots, or the folder exists.

@@ -1,4 +1,4 @@
-"""The robot of a `Robot` as a Webots PROTO, its joints as a policy's contract has them. Not run in Webots.
+"""Webots PROTO of a `Robot`, its joints as in a policy's contract. Not run in Webots.
 
 What stands where in Webots, and its source (docs/reference, and src/webots/nodes for what the documents leave out):
 
@@ -46,7 +46,7 @@ INDENT = "  "
 
 @dataclass(frozen=True)
 class Is:
-    """The value of a field that the PROTO's interface gives: `staticFriction IS hipFriction`."""
+    """Value of a field that the PROTO's interface gives: `staticFriction IS hipFriction`."""
 
     name: str
     """Field of the interface."""
@@ -54,18 +54,18 @@ class Is:
 
 @dataclass(frozen=True)
 class Node:
-    """A node: `DEF FL_hip_link Solid { ... }`."""
+    """Node of a file: `DEF FL_hip_link Solid { ... }`."""
 
     kind: str
-    """Its type: `Solid`."""
+    """Type, such as `Solid`."""
     fields: Mapping[str, Value] = field(default_factory=dict)
     """Field -> value, in the order in which they are written."""
     define: str = ""
-    """Name by which a physics plugin finds it, none by default."""
+    """Name by which a physics plugin looks it up, none by default."""
 
 
 Value = bool | int | float | str | tuple[float, ...] | Is | Node | list["Value"]
-"""What a field can hold."""
+"""Possible value of a field."""
 
 
 def number(value: float) -> str:
@@ -80,7 +80,7 @@ def vector(values: np.ndarray | Sequence[float]) -> tuple[float, ...]:
 
 
 def text(value: str) -> str:
-    """Return a string within quotes; what would end it is escaped, what cannot be printed is a blank."""
+    """Return a string within quotes; a quote in it is escaped, and a letter that cannot be printed is a blank."""
     printable = "".join(c if c.isprintable() else " " for c in value)
     return '"' + printable.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
@@ -111,20 +111,20 @@ def comment(lines: str) -> str:
 
 
 EXTERN = "<extern>"
-"""Controller that Webots waits for: a program that somebody starts by hand."""
+"""Controller that Webots waits for: a program that is started by hand."""
 
 FARTHEST = 3.1
 """Largest distance of a stop from the standing pose [rad], less than π."""
 
 
 def proto_name(robot: str) -> str:
-    """Return a robot's name as a PROTO may be called: `saturn_lite` is `SaturnLite`."""
+    """Return a robot's name in the form of a PROTO's: `saturn_lite` is `SaturnLite`."""
     words = re.findall(r"[A-Za-z0-9]+", robot)
     return "Robot" * (not words or words[0][0].isdigit()) + "".join(word[0].upper() + word[1:] for word in words)
 
 
 def solid_name(robot: Robot, number: int) -> str:
-    """Return what the solid of a link is called: the link's name, or one like it that the plugin can find."""
+    """Return the name of a link's solid: the link's name, or one like it that the plugin can look up."""
     name = robot.links[number].name
     clean = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return name if clean == name and not name[:1].isdigit() else f"link{number}_{clean}"
@@ -253,7 +253,7 @@ def _physics(body: Body) -> Node:
 
 
 def _shapes(shapes: Sequence[Shape]) -> tuple[list[Value], dict[str, Value]]:
-    """Return what there is to see of a body, and as a field what of it collides: none where nothing does."""
+    """Return the visible parts of a body, and the colliding ones as a field: empty where nothing collides."""
     seen: list[Value] = []
     for shape in shapes:
         paint = Node("PBRAppearance", {"baseColor": shape.color or PLAIN, "roughness": 0.8, "metalness": 0})

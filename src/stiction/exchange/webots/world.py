@@ -34,7 +34,7 @@ from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
 from stiction.task.terrain import START
 
 ROBOT = "ROBOT"
-"""Name by which the physics plugin finds the robot."""
+"""Name by which the physics plugin looks up the robot."""
 
 GROUND_FRICTION = 1.0
 """Coulomb coefficient between any two surfaces [-]."""

@@ -1,1 +1,1 @@
-"""Excitation: which motion shows a joint's friction best within its limits, for how long, and at which gains."""
+"""Excitation: the motion, its duration and the gains that show a joint's friction best within its limits."""

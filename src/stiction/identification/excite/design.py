@@ -1,4 +1,4 @@
-"""The search for the motion that shows a joint best within its limits.
+"""Search for the motion that shows a joint best within its limits.
 
 The criterion is the largest relative standard deviation among inertia, viscous and Coulomb friction, in the worst of
 four extreme joints: it does not depend on units, and does not trade a vague friction for a sharp inertia.
@@ -25,32 +25,32 @@ from stiction.joints.friction import dead_band
 from stiction.joints.pd import PDGains
 
 WAVES = 3
-"""Sines of the fast part."""
+"""Number of sines of the fast part."""
 
 POPULATION = 16
-"""Motions in one generation of the search."""
+"""Number of motions in one generation of the search."""
 
 GENERATIONS = 11
-"""Generations after the first."""
+"""Number of generations after the first."""
 
 MUTATION = (0.3, 0.7)
 """Range of the steps between generations, in units of the difference of two motions: small, for few generations."""
 
 FASTEST = 8.0
-"""Highest frequency that is tried [Hz]."""
+"""Highest frequency of the search [Hz]."""
 
 BEYOND = 1.5
-"""Highest frequency in units of the loop's own, sqrt(kp/I)/2π; above it the joint hardly follows."""
+"""Highest frequency in units of the loop's natural one, sqrt(kp/I)/2π; above it the joint hardly follows."""
 
 LARGEST_SHARE = 0.9
-"""Largest share of the slow part that is tried [1]."""
+"""Largest share of the slow part in the search [1]."""
 
 OUT_OF_REACH = 1e6
 """Score of a motion that fits no limits or shows nothing."""
 
 
 def starters() -> np.ndarray:
-    """Return motions that are reasonable before any search, in the coordinates of `pattern_of`, shape (6, 11)."""
+    """Return reasonable motions to start the search from, in the coordinates of `pattern_of`, shape (6, 11)."""
     waves = [0.4, 0.6, 0.8, 1.0, 0.8, 0.5, 0.0, 0.25, 0.5]
     single = [0.0, 0.5, 0.7, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     rows = [[share, 0.3, *waves] for share in (0.4, 0.6, 0.9)]
@@ -81,14 +81,14 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
 
 def frequency_limit(task: Task) -> float:
     """Return the highest frequency worth trying [Hz]."""
-    own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
+    natural = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
     # With fewer samples a period the log would be refused (`check_excitation`).
     rate = task.setup.rate
-    return max(min(FASTEST, BEYOND * own, rate / FEWEST_PER_CYCLE), 4 * rate / task.count)
+    return max(min(FASTEST, BEYOND * natural, rate / FEWEST_PER_CYCLE), 4 * rate / task.count)
 
 
 def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
-    """Return the best motion found; the same seed gives the same one. `progress` gets the share of the work done.
+    """Return the best motion of the search; the same seed gives the same one. progress: gets the share done.
 
     Gravity enters at the end, when the motion is made to fit the limits.
     Raises `StictionError` if no motion within the limits shows anything.
@@ -104,7 +104,7 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
         pattern = light.within_limits(pattern_of(light, point), [light.least_damped()])
         return OUT_OF_REACH if pattern is None else min(OUT_OF_REACH, light.worst(pattern, fast=True))
 
-    found = differential_evolution(
+    result = differential_evolution(
         objective,
         [(0.0, 1.0)] * known.shape[1],
         init=np.concatenate([known, drawn]),
@@ -117,8 +117,8 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
         seed=stream_seed(seed, "search") % 2**32,
     )
     pattern = None
-    if found.fun < OUT_OF_REACH:
-        pattern = light.within_limits(pattern_of(light, found.x), light.candidates())
+    if result.fun < OUT_OF_REACH:
+        pattern = light.within_limits(pattern_of(light, result.x), light.candidates())
         pattern = pattern and task.within_limits(pattern, task.candidates())
     if pattern is None:
         raise ConfigurationError(nothing_moves(task))
@@ -137,22 +137,22 @@ def nothing_moves(task: Task) -> str:
 
 
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
-"""Gains tried, in units of the given kp. Lower ones leave the joint to cogging and cables, which no guess covers."""
+"""Gain factors that are tried. Lower ones leave the joint to cogging and cables, which no guess covers."""
 
 LEAST_REACH = 0.7
-"""Range of the motion over that of its target under which a loop does not track."""
+"""Range of the motion over that of its target below which a loop does not track."""
 
 LARGEST_SAG = 0.25
-"""How far the link may hang below its target, in units of the swing, before a loop does not track."""
+"""Largest sag of the link below its target, in units of the swing, in a loop that tracks."""
 
 REQUIRED_REDUCTION = 0.9
-"""Gains are changed only where the criterion falls below this share of what the given gains reach."""
+"""Share of the given gains' criterion below which gains are changed."""
 
 
 def softened(gains: PDGains, factor: float) -> PDGains:
     """Return gains with kp times `factor` and kd times its root, which keeps the loop's damping ratio.
 
-    Rounded to three digits: somebody has to type them.
+    Rounded to three digits, which people can type.
     """
     if factor == 1:
         return gains
@@ -162,7 +162,7 @@ def softened(gains: PDGains, factor: float) -> PDGains:
 def try_gains(task: Task, gains: PDGains) -> GainTrial:
     """Judge gains by the best of a few motions that need no search; a link that sags too much does not track."""
     task = task.with_gains(gains)
-    # The sag is of the link with its gravity, so it is asked for before that is left out.
+    # The sag is of the link with its gravity, so it is computed before that is left out.
     sag, task = task.sag, task.without_gravity()
     best, reach = None, 0.0
     for point in starters():
@@ -175,7 +175,7 @@ def try_gains(task: Task, gains: PDGains) -> GainTrial:
 
 
 def choose_gains(task: Task, progress: Callable[[float], None]) -> tuple[PDGains, tuple[GainTrial, ...]]:
-    """Return the gains to run at, and what every pair promised; the given ones where no lower ones are worth it.
+    """Return the gains to run at, and the prediction for every pair; the given ones where no lower ones are worth it.
 
     Raises `StictionError` where friction holds the joint, or nothing fits the limits.
     """
@@ -186,28 +186,30 @@ def choose_gains(task: Task, progress: Callable[[float], None]) -> tuple[PDGains
         progress((index + 1) / len(FACTORS))
     scores = [trial.worst if trial.tracks and trial.worst is not None else np.inf for trial in trials]
     best = min(scores)
-    kept = task.setup.fixed_gains or not np.isfinite(best)
-    if trials[0].worst is None and kept:
+    given_gains = task.setup.fixed_gains or not np.isfinite(best)
+    if trials[0].worst is None and given_gains:
         raise ConfigurationError(nothing_moves(task))
     # From the given gains downwards: the highest that show about as much as the best.
     enough = best / REQUIRED_REDUCTION
-    chosen = pairs[0] if kept else next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= enough)
+    chosen = (
+        pairs[0] if given_gains else next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= enough)
+    )
     return chosen, tuple(trials)
 
 
 def check_dead_band(task: Task) -> None:
     """Raise `StictionError` where the whole swing of the target would not break the joint away: f >= kp × swing.
 
-    That goes for the guess, and for the largest friction in the range around it.
+    The check is of the guess, and of the largest friction in the range around it.
     """
     swing, guess, kp, spread = task.room, float(task.values[2]), task.gains.kp, task.setup.spread
-    for friction, said, other in (
+    for friction, phrase, other in (
         (guess, "friction of", ""),
         (guess * spread, f"--spread {spread:g} allows for friction of", ", lower --spread"),
     ):
         if friction >= kp * swing:
             raise ConfigurationError(
-                f"{said} {friction:g} N m, which holds the joint: the dead band at kp {kp:g} is "
+                f"{phrase} {friction:g} N m, which holds the joint: the dead band at kp {kp:g} is "
                 f"{dead_band(friction, kp):.3g} rad, and the limits allow a swing of {swing:.3g} rad; "
                 f"raise --kp above {friction / swing:.3g}{other}, or widen --position-limits"
             )

@@ -1,4 +1,4 @@
-"""What a log will tell about a joint before it is made: Fisher information of the closed loop's outputs.
+"""Fisher information of the closed loop's outputs: what a log will tell about a joint before it is made.
 
 For white noise of known size the information about the parameters p is
 
@@ -24,11 +24,11 @@ NAMES: tuple[str, ...] = ("inertia", "viscous_friction", "coulomb_friction", "of
 """Parameters, in the order of every array here; gravity only where it pulls."""
 
 COMBINATIONS = ("inertia/k", "(viscous_friction+k*kd)/k", *(f"{name}/k" for name in NAMES[2:]))
-"""What positions alone tell, k being the unknown motor strength: the motion stays the same when all torques and
-k are multiplied by one number, and kd brakes like viscous friction."""
+"""Combinations that positions alone tell, k being the unknown motor strength: the motion stays the same when all
+torques and k are multiplied by one number, and kd brakes like viscous friction."""
 
 JUDGED = 3
-"""How many of the parameters, from the first, an excitation is judged by: inertia, viscous and Coulomb friction. The
+"""Number of the parameters, from the first, that judge an excitation: inertia, viscous and Coulomb friction. The
 offset is zero for a good drive, so its relative deviation means nothing."""
 
 DIFFERENCE = 1e-3
@@ -42,9 +42,9 @@ class Information:
     names: tuple[str, ...]
     """Names of the parameters, or of their identifiable combinations."""
     values: np.ndarray
-    """Their values, shape (P,)."""
+    """Values of the parameters, shape (P,)."""
     covariance: np.ndarray
-    """The Cramér–Rao bound F⁻¹, shape (P, P); infinite where the log tells nothing."""
+    """Cramér–Rao bound F⁻¹, shape (P, P); infinite where the log tells nothing."""
 
     @property
     def std(self) -> np.ndarray:
@@ -63,19 +63,19 @@ class Information:
 
     @property
     def d_criterion(self) -> float:
-        """The bound's log det, for the relative deviations of the judged three; smaller is better."""
+        """Log det of the bound, for the relative deviations of the judged three; smaller is better."""
         judged = self.covariance[:JUDGED, :JUDGED] / np.outer(self.values[:JUDGED], self.values[:JUDGED])
         return float(np.linalg.slogdet(judged)[1]) if np.isfinite(self.covariance).all() else float("inf")
 
-    def correlation(self, one: int, other: int) -> float:
+    def correlation(self, first: int, second: int) -> float:
         """Return the correlation of two estimates; ±1 means that the log cannot tell them apart."""
-        return float(self.covariance[one, other] / (self.std[one] * self.std[other]))
+        return float(self.covariance[first, second] / (self.std[first] * self.std[second]))
 
 
 def run(
     values: np.ndarray, gains: PDGains, step: float, target: np.ndarray, near: Trajectory | None = None
 ) -> Trajectory:
-    """Simulate a joint from rest at the first target; `near` is a run of a joint that is much the same.
+    """Simulate a joint from rest at the first target; near: a run of a similar joint.
 
     values: inertia, viscous friction, Coulomb friction, offset and, where it weighs, the two of gravity. Against
     gravity the joint starts where the controller holds it, `near` the pose of the first target.
@@ -100,13 +100,13 @@ def sensitivities(
     base = run(values, gains, step, target)
     # B and the offset may be zero, and no scale; kd brakes as B does, and the offset is a torque like the friction.
     scales = np.array([values[0], values[1] + gains.kd, *[values[2]] * (len(values) - 2)])
-    found = np.empty((len(values), 2, len(target)))
+    slopes = np.empty((len(values), 2, len(target)))
     for index, change in enumerate(np.diag(DIFFERENCE * scales)):
         up = run(values + change, gains, step, target, base)
         down = base if fast else run(values - change, gains, step, target, base)
         width = (1 if fast else 2) * change[index]
-        found[index] = (up.position - down.position) / width, (up.torque - down.torque) / width
-    return found
+        slopes[index] = (up.position - down.position) / width, (up.torque - down.torque) / width
+    return slopes
 
 
 def information(

@@ -1,4 +1,4 @@
-"""The motions that a search is made of: a slow and a fast part, as offsets from the start pose.
+"""Motions of the search: a slow and a fast part, as offsets from the start pose.
 
 Slow and fast in one log is what separates Coulomb from viscous friction: at one speed only their sum shows. The
 triangle moves at an even speed; the sines bring speed and acceleration. The pattern is repeated, so that the halves of
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDING = 0.97
-"""How pointed the triangle is, asin(ROUNDING sin φ): at 1 its corners would ask for infinite acceleration."""
+"""Sharpness of the triangle, asin(ROUNDING sin φ): at 1 its corners would ask for infinite acceleration."""
 
 LONGEST_RAMP = 0.3
 """Time over which each part swells and fades [s]."""
@@ -20,25 +20,25 @@ LONGEST_RAMP = 0.3
 
 @dataclass(frozen=True)
 class Pattern:
-    """A slow and a fast part."""
+    """Motion with a slow and a fast part."""
 
     share: float
     """Share of the time that the slow part takes, from 0 (no slow part) to 1 [1]."""
     slow_frequency: float
-    """Roughly; the part holds whole periods, at least one [Hz]."""
+    """Approximate frequency of the slow part, which holds whole periods, at least one [Hz]."""
     slow_amplitude: float
     """Peak of the slow part [rad]."""
     frequencies: tuple[float, ...]
-    """Of the sines [Hz]."""
+    """Frequencies of the sines [Hz]."""
     amplitudes: tuple[float, ...]
-    """Of the sines, before `fast_peak` scales them to their sum [1]."""
+    """Amplitudes of the sines, before `fast_peak` scales them to their sum [1]."""
     phases: tuple[float, ...]
-    """Of the sines [rad]."""
+    """Phases of the sines [rad]."""
     fast_peak: float
     """Peak of the fast part [rad]."""
 
     def slow_count(self, count: int) -> int:
-        """Return how many samples of a pattern of `count` belong to the slow part."""
+        """Return the number of samples of the slow part in a pattern of `count`."""
         return round(self.share * count)
 
     def offsets(self, count: int, rate: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it."""
+"""Design of a log from start to end: choose the gains, search the motion, predict the information, explain it."""
 
 from __future__ import annotations
 
@@ -35,34 +35,34 @@ from stiction.identification.excite.task import Task
 from stiction.joints.pd import PDGains
 
 SINES = 8
-"""Frequencies at which one sine is tried."""
+"""Number of frequencies at which one sine is tried."""
 
 SLOWEST = 0.25
-"""Lowest of them [Hz]."""
+"""Lowest of these frequencies [Hz]."""
 
 SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Gains of the sweep in units of those of the design; far up, to where a torque sensor is worth having."""
 
 NEGLIGIBLE = 0.005
-"""Predicted deviations under which the friction law, and not the noise, decides how right the result is."""
+"""Predicted deviations below which the friction law, and not the noise, decides how right the result is."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A finished design."""
+    """Finished design."""
 
     record: ExcitationDesign
-    """For `design.json`."""
+    """Record for `design.json`."""
     signals: DesignSignals
-    """For `design.npz`."""
+    """Signals for `design.npz`."""
     trajectory: Log
-    """For `trajectory.csv` and its sidecar: what the controller plays back."""
+    """Trajectory for `trajectory.csv` and its sidecar, which the controller plays back."""
 
 
 def design_excitation(
     setup: ExciteSetup, joint: str, command: str, progress: Callable[[str, float], None] = lambda name, share: None
 ) -> Excitation:
-    """Design the log of one joint; `setup` is filled. `progress` gets the name of the work and its share done.
+    """Design the log of one joint; `setup` is filled. progress: gets the name of the work and its share done.
 
     Raises `StictionError` where friction holds the joint, or no motion fits the limits.
     """
@@ -111,8 +111,8 @@ def design_excitation(
 
 
 def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
-    """Return the information in single sines of the design's amplitude [rad], of those that fit and move the joint."""
-    found, task = [], task.without_gravity()
+    """Return the information in single sines of the design's amplitude [rad] that fit the limits and move the joint."""
+    sines, task = [], task.without_gravity()
     for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
         pattern = task.within_limits(sine(float(frequency), amplitude), [*task.extremes(), task.least_damped()])
         if pattern is None:
@@ -121,12 +121,12 @@ def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
         if np.isfinite([nominal.worst, worst]).all():
             inertia, viscous, coulomb = nominal.relative.tolist()
             relative, correlation = (inertia, viscous, coulomb), nominal.correlation(1, 2)
-            found.append(OneSine(float(frequency), pattern.fast_peak, relative, worst, correlation))
-    return tuple(found)
+            sines.append(OneSine(float(frequency), pattern.fast_peak, relative, worst, correlation))
+    return tuple(sines)
 
 
 def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
-    """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
+    """Return the information on the nominal joint's friction by a motion at lower and higher gains than the task's."""
     points, task = [], task.without_gravity()
     # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
     noise = ExciteSetup.noise_torque if task.setup.position_only else task.setup.noise_torque
@@ -155,7 +155,7 @@ def _friction(task: Task, pattern: Pattern) -> float | None:
 
 
 def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[str, float]]:
-    """Simulate the whole log over the range of guesses; return the signals and the furthest that anything goes.
+    """Simulate the whole log over the range of guesses; return the signals and their extremes.
 
     Raises `StictionError` should the repeated pattern leave the limits where a single one did not.
     """
@@ -190,21 +190,21 @@ def duration_for(task: Task, informations: list[Information], wanted: float) -> 
 def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
     """Return each parameter's predicted deviation, of the nominal joint, which is the first, and the worst of all."""
     nominal = informations[0]
-    found = []
+    predicted = []
     for index, name in enumerate(nominal.names):
         value, std = float(nominal.values[index]), float(nominal.std[index])
         relative = std / abs(value) if value else None
         worst = max(float(b.std[index] / abs(b.values[index])) for b in informations) if value else None
-        found.append(Predicted(name, value, std, relative, worst))
-    return tuple(found)
+        predicted.append(Predicted(name, value, std, relative, worst))
+    return tuple(predicted)
 
 
 def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...]) -> str:
-    """Say in a sentence or two why these gains; task: at the gains that were given, of the first trial."""
-    given, run_at = trials[0], f"Run at kp {gains.kp:g}, kd {gains.kd:g}"
+    """Explain the gains in a sentence or two; task: at the gains that were given, of the first trial."""
+    first_trial, run_at = trials[0], f"Run at kp {gains.kp:g}, kd {gains.kd:g}"
     if gains != task.gains:
         after = next(trial.worst for trial in trials if trial.kp == gains.kp)
-        gain = f" by a factor of {two_digits(given.worst / after)}" if given.worst and after else ""
+        gain = f" by a factor of {two_digits(first_trial.worst / after)}" if first_trial.worst and after else ""
         return (
             f"{run_at}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
             f"deviation falls{gain}. Still lower gains do not track, overshoot, or bring less than a tenth. If you "
@@ -212,34 +212,34 @@ def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...]) -> str:
         )
     if not task.setup.fixed_gains:
         return f"{run_at}, as given: lower gains do not track, or show less than a tenth more."
-    enough = REQUIRED_REDUCTION * (given.worst or 0.0)
+    enough = REQUIRED_REDUCTION * (first_trial.worst or 0.0)
     better = [(trial.worst, trial.kp) for trial in trials[1:] if trial.tracks and trial.worst and trial.worst < enough]
     more = f"kp {min(better)[1]:g} would show more." if better else "Lower ones show no more."
     return f"{run_at}, as fixed. {more}"
 
 
 def cautions(task: Task, trials: tuple[GainTrial, ...], informations: list[Information]) -> list[str]:
-    """Return what the reader must know before running the log."""
-    found, setup = [], task.setup
+    """Return the facts that the reader must know before running the log."""
+    warnings, setup = [], task.setup
     chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
     if chosen is not None and chosen.reach < LEAST_REACH:
-        found.append(
+        warnings.append(
             f"at kp {task.gains.kp:g} the joint may cover no more than {chosen.reach:.0%} of what its target does"
         )
     if setup.position_only:
-        found.append(
+        warnings.append(
             "without torque in the log only combinations are known: I/k, (B + k kd)/k, f/k, k being the motor's "
             "strength; log the motor's current, or add a known load, to separate them"
         )
     if setup.resolution > 2 * setup.noise_position:
-        found.append(
+        warnings.append(
             "the encoder's step is larger than the noise: rounding is counted as white noise, which it is not in slow "
             "motion; the real deviations may be larger"
         )
     if max(belief.worst for belief in informations) < NEGLIGIBLE:
-        found.append(
+        warnings.append(
             "white noise leaves less than half a per cent: noise that the loop feeds back, friction that is not quite "
             "Coulomb's, timing and cogging will decide how right the result is. Read the predictions as a comparison "
             "of logs; simulated logs with correlated loop noise scattered 10 to 25 times as much"
         )
-    return found
+    return warnings

@@ -1,4 +1,4 @@
-"""What is known before a joint is moved: what `stiction excite` takes as flags. No estimator is needed to read it."""
+"""Knowledge of a joint before it is moved: the flags of `stiction excite`. No estimator is needed to read it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from stiction.core.errors import ConfigurationError
 from stiction.robots.model import WIDEST, Joint
 
 SHORTEST = 4.0
-"""Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
+"""Shortest log that is designed [s]: in a shorter one a slow and a fast part do not fit."""
 
 MOST_SAMPLES = 1_000_000
-"""Longest trajectory: half an hour at 500 Hz."""
+"""Most samples of a trajectory: half an hour at 500 Hz."""
 
 SLOWEST_RATE = 50.0
-"""Lowest rate of the controller [Hz]: under it a target of straight lines is not what the joint gets."""
+"""Lowest rate of the controller [Hz]: below it the joint does not get a target of straight lines."""
 
 DEFAULTS = {"kp": 20.0, "kd": 0.5, "torque_limit": 20.0, "inertia": 0.0145, "viscous": 0.07, "coulomb": 0.2}
-"""Where neither the user nor a robot says anything: the paper's Saturn Lite shank under low gains, with friction of the
-usual 1 % of the torque limit."""
+"""Values where neither the user nor a robot gives any: the paper's Saturn Lite shank under low gains, with friction of
+the usual 1 % of the torque limit."""
 
 FROM_ROBOT = {"inertia": "armature", "viscous": "damping", "coulomb": "frictionloss"}
 """Field of the setup -> field of a robot's joint that fills it in, where its name is another."""
@@ -32,7 +32,7 @@ FINITE = ("start", "gravity_sin", "gravity_cos")
 
 @dataclass(frozen=True)
 class ExciteSetup:
-    """The joint, its controller, its limits and its sensors. Guesses do: the design holds over a range around them."""
+    """Joint, controller, limits and sensors. Guesses suffice: the design holds over a range around them."""
 
     kp: float | None = None
     """Proportional gain of the controller [N m/rad]; from --robot, else 20."""
@@ -57,7 +57,7 @@ class ExciteSetup:
     coulomb: float | None = None
     """Guess of the Coulomb friction f [N m]; from --robot, else 1 % of the torque limit."""
     spread: float = 2.0
-    """How wrong the guesses of I, B and f may be, as a factor either way; limits hold and the worst case is judged over
+    """Factor by which the guesses of I, B and f may be wrong, either way; limits hold and the worst case is judged over
     that range [1]."""
     gravity_sin: float = 0.0
     """Guess of the torque that holds the link at an angle of pi/2 [N m]; it is taken to grow with the inertia."""
@@ -103,14 +103,14 @@ class ExciteSetup:
         """Raise `StictionError` for limits beyond a robot's joint, or that can only be degrees."""
         if self.position_limits is not None:
             low, high = self.position_limits
-            given = f"--position-limits {low:g} {high:g}"
+            flag = f"--position-limits {low:g} {high:g}"
             if joint and not joint.lower <= low < high <= joint.upper:
                 raise ConfigurationError(
-                    f"{given}: {joint.name} has {joint.lower:g} to {joint.upper:g} rad; give limits within, the lower "
+                    f"{flag}: {joint.name} has {joint.lower:g} to {joint.upper:g} rad; give limits within, the lower "
                     "one first, or leave them out"
                 )
             if not joint and high - low > WIDEST:
-                raise ConfigurationError(f"{given}: that is more than two turns; expected radians, are these degrees?")
+                raise ConfigurationError(f"{flag}: that is more than two turns; expected radians, are these degrees?")
         if joint and self.torque_limit is not None and self.torque_limit > joint.torque_limit:
             raise ConfigurationError(
                 f"--torque-limit {self.torque_limit:g}: the motor of {joint.name} has {joint.torque_limit:g} N m; give "
@@ -118,7 +118,7 @@ class ExciteSetup:
             )
 
     def check(self) -> None:
-        """Raise `StictionError` for what no joint, controller or log has, or nothing can move in; nothing is None."""
+        """Raise `StictionError` for values that no joint, controller or log has, or without motion; nothing is None."""
         low, high = self.position_limits or (0.0, 0.0)
         if not (isfinite(low) and isfinite(high) and low < high):
             raise ConfigurationError(
@@ -133,7 +133,7 @@ class ExciteSetup:
                 raise ConfigurationError(f"--{name.replace('_', '-')} {value}: expected {expected}")
         needed = float(self.coulomb or 0.0) + hypot(self.gravity_sin, self.gravity_cos)
         logged = self.rate >= SLOWEST_RATE and self.duration >= SHORTEST and self.rate * self.duration <= MOST_SAMPLES
-        for right, said in (
+        for right, message in (
             (1 <= self.spread <= 10, f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10"),
             (self.seed >= 0, f"--seed {self.seed}: expected a whole number that is not negative"),
             (
@@ -156,4 +156,4 @@ class ExciteSetup:
             ),
         ):
             if not right:
-                raise ConfigurationError(said)
+                raise ConfigurationError(message)

@@ -1,4 +1,4 @@
-"""What a design is for: the candidate joints, their controller, their limits; and how a motion is tried."""
+"""Task of a design: candidate joints, their controller and limits, and the trial of a motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONGEST_PATTERN = 10.0
 """Rough length of one pattern [s]; longer logs repeat it."""
 
 SCALINGS = 8
-"""Times that a motion is scaled down until it is within its limits: friction is not proportional to the motion."""
+"""Most times that a motion is scaled down until it is within its limits: friction is not proportional to the motion."""
 
 BACKING_OFF = 0.98
 """Factor by which a motion is scaled further than proportion asks for, so that few scalings do."""
@@ -28,10 +28,10 @@ BACKING_OFF = 0.98
 
 @dataclass(frozen=True)
 class Task:
-    """Everything that a motion is judged by."""
+    """Joint, controller and limits by which a motion is judged."""
 
     setup: ExciteSetup
-    """The joint, its controller, limits and sensors, filled: nothing is None."""
+    """Joint, its controller, limits and sensors, filled: nothing is None."""
     weighs: bool = True
     """True if gravity counts. It takes ten times longer to simulate and changes little for a search."""
 
@@ -44,13 +44,13 @@ class Task:
 
     @property
     def gains(self) -> PDGains:
-        """The controller, without torque limit: what a motion asks for is judged, and a design asks for less."""
+        """Controller without torque limit: the torque of a motion is judged, and a design takes less."""
         assert self.setup.kp is not None and self.setup.kd is not None
         return PDGains(self.setup.kp, self.setup.kd)
 
     @property
     def limits(self) -> dict[str, float]:
-        """What the joint must not exceed: angles `low` and `high` [rad], `speed` [rad/s], `torque` [N m]."""
+        """Limits of the joint: angles `low` and `high` [rad], `speed` [rad/s], `torque` [N m]."""
         assert self.setup.position_limits is not None and self.setup.torque_limit is not None
         low, high = self.setup.position_limits
         return {"low": low, "high": high, "speed": self.setup.speed_limit, "torque": self.setup.torque_limit}
@@ -67,17 +67,17 @@ class Task:
 
     @property
     def total(self) -> int:
-        """Samples in the log."""
+        """Number of samples in the log."""
         return round(self.setup.duration * self.setup.rate)
 
     @property
     def repeats(self) -> int:
-        """Patterns in the log."""
+        """Number of patterns in the log."""
         return max(1, round(self.setup.duration / LONGEST_PATTERN))
 
     @property
     def count(self) -> int:
-        """Samples in one pattern."""
+        """Number of samples in one pattern."""
         return self.total // self.repeats
 
     @property
@@ -87,7 +87,7 @@ class Task:
 
     @property
     def sag(self) -> float:
-        """How far the heaviest link in the range may hang below its target [rad]."""
+        """Largest sag of the heaviest link in the range below its target [rad]."""
         return float(np.hypot(*self.values[4:])) * self.setup.spread / self.gains.kp if len(self.values) > 4 else 0.0
 
     def candidates(self) -> list[np.ndarray]:
@@ -173,12 +173,12 @@ class Task:
         return min(float(np.ptp(self.run(values, target).position)) for values in joints) / float(np.ptp(target))
 
     def information(self, values: np.ndarray, pattern: Pattern, fast: bool = False) -> Information:
-        """Return what the log of all patterns tells about one joint: that of one pattern, times their number.
+        """Return the information of the log of all patterns about one joint: that of one pattern, times their number.
 
         fast: one-sided differences, for comparing motions.
         """
-        one = information(values, self.gains, 1 / self.setup.rate, self.target(pattern), self.noise, fast)
-        return replace(one, covariance=one.covariance / self.repeats)
+        single = information(values, self.gains, 1 / self.setup.rate, self.target(pattern), self.noise, fast)
+        return replace(single, covariance=single.covariance / self.repeats)
 
     def worst(self, pattern: Pattern, fast: bool = False) -> float:
         """Return the largest relative standard deviation over the extreme joints, infinite where one shows nothing."""

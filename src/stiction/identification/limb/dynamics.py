@@ -56,15 +56,15 @@ class Motion:
     """Motion of one body's frame, in the base's axes, T samples."""
 
     rotation: np.ndarray
-    """(T, 3, 3)."""
+    """Rotation to the base's axes, (T, 3, 3)."""
     axis: np.ndarray
     """Axis of its joint, (T, 3); zero for the base."""
     origin: np.ndarray
-    """[m], (T, 3)."""
+    """Position of the frame's origin [m], (T, 3)."""
     spin: np.ndarray
-    """ω [rad/s], (T, 3)."""
+    """Angular velocity ω [rad/s], (T, 3)."""
     turning: np.ndarray
-    """ω' [rad/s²], (T, 3)."""
+    """Angular acceleration ω' [rad/s²], (T, 3)."""
     pull: np.ndarray
     """Acceleration of the origin less gravity, as an accelerometer there reads [m/s²], (T, 3)."""
 
@@ -102,7 +102,7 @@ def link_motions(
 
 
 def motions_at_rest(links: Sequence[Link], position: np.ndarray, pull: np.ndarray | None = None) -> list[Motion]:
-    """Return links held at joint angles [rad], shape (T, J), on a base that feels a constant `pull` [m/s²], (3,)."""
+    """Return the motions of links at joint angles [rad], (T, J), at rest on a base that feels `pull` [m/s²], (3,)."""
     still = np.zeros_like(position)
     return link_motions(
         links, base_motion(np.tile(np.zeros(3) if pull is None else pull, (len(position), 1))), position, still, still
@@ -124,7 +124,7 @@ def wrench(motion: Motion, body: Parameters) -> tuple[np.ndarray, np.ndarray]:
 def effort(
     links: Sequence[Link], motions: Sequence[Motion], number: int, body: Parameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what moves link `number` with these parameters: joint torques, and the base's wrench about its origin.
+    """Return the effort to move link `number` with these parameters: joint torques, and wrench about the base's origin.
 
     Torques [N m], (T, J), rotors and friction left out; force [N] and moment [N m], (T, 6).
     """
@@ -138,7 +138,7 @@ def effort(
 
 
 def whole_effort(links: Sequence[Link], motions: Sequence[Motion]) -> tuple[np.ndarray, np.ndarray]:
-    """Return what moves all links as the model has them; see `effort`."""
+    """Return the effort to move all links as the model has them; see `effort`."""
     parts = [effort(links, motions, number, parameters(link)) for number, link in enumerate(links)]
     torques, wrenches = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
     return torques, wrenches

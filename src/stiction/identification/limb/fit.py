@@ -1,9 +1,9 @@
-"""Least squares of torques whose errors come in blocks, with what is known of some parameters beforehand.
+"""Least squares of torques whose errors come in blocks, with priors on some parameters.
 
 Residuals are correlated within a block (a swing of a leg, a stretch of the log), little between blocks: the spread of
-the estimates comes from the delete-one-block jackknife. What is known beforehand, about zero with a standard deviation,
-enters as one more equation a parameter. Errors that are the same in every block (a link that is heavier than stated) do
-not show in the spread: what they do to an estimate, which is linear, is added to the half-width in quadrature.
+the estimates comes from the delete-one-block jackknife. A prior, about zero with a standard deviation, enters as one
+more equation per parameter. Errors that are the same in every block (a link that is heavier than stated) do not show
+in the spread: their effect on an estimate, which is linear, is added to the half-width in quadrature.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from stiction.identification.intervals import SMALLEST_RESIDUAL, jackknife_covar
 
 @dataclass(frozen=True)
 class PriorFit:
-    """A fit of P parameters to R rows."""
+    """Fit of P parameters to R rows."""
 
     names: tuple[str, ...]
     """Names of the parameters."""
     values: np.ndarray
     """Estimates, shape (P,)."""
     covariance: np.ndarray
-    """By the spread of the blocks and the priors, shape (P, P)."""
+    """Covariance by the spread of the blocks and the priors, shape (P, P)."""
     shifts: np.ndarray
     """Change of the estimates by each known possible error at its 95 % bound, shape (S, P)."""
     prior: np.ndarray
-    """Standard deviation about zero beforehand, infinite where nothing is known, shape (P,)."""
+    """Standard deviation of the priors about zero, infinite where nothing is known, shape (P,)."""
     blocks: int
     """Number of blocks."""
     condition: float
@@ -60,7 +60,7 @@ class PriorFit:
 
 
 def solve(regressor: np.ndarray, target: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """Return the values that explain rows with errors of size one, and their priors, best, shape (P,).
+    """Return the values that best explain rows with errors of size one, and their priors, shape (P,).
 
     regressor: shape (R, P); target: shape (R,); prior: see `PriorFit`.
     """
@@ -81,7 +81,7 @@ def fit_blocks(
 
     regressor: shape (R, P); target: shape (R,); block: number of each row's block, any integers, at least two of them,
     shape (R,); prior: see `PriorFit`, by default nothing is known; systematic: change of the target by each known
-    possible error at its 95 % bound, shape (S, R); size: of the rows' errors, by default of what least squares leaves
+    possible error at its 95 % bound, shape (S, R); size: size of the rows' errors, by default that of the residual
     without priors. Raises `numpy.linalg.LinAlgError` where the rows, priors included, do not tell all parameters
     without one of the blocks.
     """

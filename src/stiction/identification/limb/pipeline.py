@@ -1,7 +1,7 @@
-"""A log of a whole limb, start to end: signals, one regression for all joints, a record with its findings for each.
+"""Identification of a whole limb from its log: signals, one regression for all joints, a record for each.
 
-A joint of a limb has no inertia of its own: what its motor moves depends on how the others stand. What the log tells is
-the rotor's, behind what the links ask for by the model: it stands among the `combinations` as `armature`, and `inertia`
+A joint of a limb has no inertia of its own: what its motor moves depends on the pose of the others. The log tells that
+of the rotor, beyond the links' torque by the model: it stands among the `combinations` as `armature`, and `inertia`
 is null. The test condition is `in_air`: the friction of joint and gear with the links' weight on the bearings.
 """
 
@@ -22,7 +22,15 @@ from stiction.identification.contradictions import SERIOUS, signal_findings
 from stiction.identification.findings import NEGATIVE_FRICTION, find_warnings, no_friction_shown, unexplained
 from stiction.identification.limb.dynamics import MODES, model_torques
 from stiction.identification.limb.fit import PriorFit
-from stiction.identification.limb.regression import LATENESS, OWN, JointRows, LimbRows, fit_limb, fit_scale, limb_rows
+from stiction.identification.limb.regression import (
+    JOINT_PARAMETERS,
+    LATENESS,
+    JointRows,
+    LimbRows,
+    fit_limb,
+    fit_scale,
+    limb_rows,
+)
 from stiction.identification.limb.signals import LimbRun, limb_run
 from stiction.identification.model import Model
 from stiction.identification.record import plain, sampling
@@ -37,16 +45,16 @@ METHOD = "limb_regression"
 """Name of the estimator."""
 
 FAR = 3.0
-"""Deviations of the prior beyond which the error of a link is none that a model was declared to have."""
+"""Deviations of the prior above which the error of a link is not one that the model was declared to have."""
 
 ALONE = "all joints of the limb were fitted together, by torque regression alone: no simulation of the loop checks it"
-"""Why there is no second estimator."""
+"""Reason for the lack of a second estimator."""
 
-SINGLE = ("inertia", *OWN[1:])
-"""Names of `OWN` in the equation of a joint alone."""
+SINGLE = ("inertia", *JOINT_PARAMETERS[1:])
+"""Names of `JOINT_PARAMETERS` in the equation of a joint alone."""
 
 MODEL = "check signs and zeros of the joints, the direction up (--up) and the load against the model, and run again"
-"""What to do where the links are not the model's."""
+"""Advice where the links are not the model's."""
 
 
 @dataclass(frozen=True)
@@ -54,29 +62,29 @@ class LimbFits:
     """All fits to the log of a limb."""
 
     limb: LimbRun
-    """The log."""
+    """Run of the limb."""
     rows: LimbRows
-    """Its equations."""
+    """Equations of the log."""
     stated: PriorFit
-    """The fit whose values are stated."""
+    """Fit of the stated values."""
     free: PriorFit
-    """A fit that may let the links err more."""
+    """Fit that lets the links err more."""
     scale: Estimate | None
     """Scale of the torques by the links' weight [1]; None where they do not tell."""
 
     def alone(self, joint: JointRows) -> Fit:
-        """Return the joint's own equation, fitted alone once the links' torque, corrected, and the lateness are off.
+        """Return the joint's equation, fitted alone without the corrected torque of the links and the lateness.
 
         It serves the comparisons of parts and of time; its `inertia` is the armature, and its intervals know neither
         the model's errors nor the other joints.
         """
-        mine = [self.rows.names.index(f"{name}.{joint.run.joint}") for name in OWN]
-        others = np.delete(np.arange(len(self.rows.names)), mine)
-        left = joint.torque - joint.regressor[:, others] @ self.stated.values[others]
+        columns = [self.rows.names.index(f"{name}.{joint.run.joint}") for name in JOINT_PARAMETERS]
+        rest = np.delete(np.arange(len(self.rows.names)), columns)
+        left = joint.torque - joint.regressor[:, rest] @ self.stated.values[rest]
         return fit_rows(replace(joint.run.rows, torque=left), Model())
 
     def corrected_torques(self) -> np.ndarray:
-        """Return the torque of the links, with the errors that were found, over the whole log [N m], (T, J)."""
+        """Return the torque of the links, with their estimated errors, over the whole log [N m], (T, J)."""
         limb = self.limb
         errors = np.zeros((limb.mechanism.num_joints, len(MODES)))
         for place in np.flatnonzero(self.rows.of_links):
@@ -90,13 +98,15 @@ def joint_record(fits: LimbFits, joint: JointRows) -> JointRecord:
     run, setup, mechanism = joint.run, joint.run.setup, fits.limb.mechanism
     alone = fits.alone(joint)
     comparisons = compare_parts(alone.rows, alone)
-    stated = widened(dict(zip(SINGLE, joint.own(fits.stated).values())), comparisons)
+    stated = widened(dict(zip(SINGLE, joint.estimates(fits.stated).values())), comparisons)
     # Errors of the links, which a prior bounds, cannot hide a parameter: its interval admits them.
     known = {name: stated[name] if alone.inflation[name] < MAX_INFLATION else None for name in SINGLE}
     # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
     coulomb, armature = known["coulomb_friction"], known["inertia"] if run.measured else None
     combinations: dict[str, Estimate] = {}
-    diagnostics = _diagnostics(fits, joint, alone) | {"comparisons": [one.to_dict() for one in comparisons]}
+    diagnostics = _diagnostics(fits, joint, alone) | {
+        "comparisons": [comparison.to_dict() for comparison in comparisons]
+    }
     # Take viscous friction apart from the motor's own brake.
     brakes = braking(run, None)
     if brakes is not None and (viscous := known["viscous_friction"]) is not None:
@@ -126,13 +136,15 @@ def joint_record(fits: LimbFits, joint: JointRows) -> JointRecord:
     record = replace(record, findings=tuple(limb_errors(record, fits, joint)))
     verdict = judge(record, legs=is_leg(run.joint), robot=mechanism.name).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
-    found = (*record.findings, *model_doubts(fits), *find_warnings(record, run), *_limb_warnings(fits.limb, record))
-    return replace(record, findings=found)
+    findings = (*record.findings, *model_doubts(fits), *find_warnings(record, run), *_limb_warnings(fits.limb, record))
+    return replace(record, findings=findings)
 
 
 def _law(record: JointRecord, alone: Fit) -> dict[str, Any]:
-    """Return the law, which is Coulomb's: no other is tried."""
-    known = {name: getattr(record, name) for name in OWN[1:]} | {"inertia": record.combinations.get(ARMATURE)}
+    """Return the law, which is always Coulomb's."""
+    known = {name: getattr(record, name) for name in JOINT_PARAMETERS[1:]} | {
+        "inertia": record.combinations.get(ARMATURE)
+    }
     return {
         "law": "coulomb",
         "parameters": {name: value.to_dict() for name, value in known.items() if value is not None},
@@ -150,7 +162,7 @@ def _law(record: JointRecord, alone: Fit) -> dict[str, Any]:
 
 
 def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]:
-    """Return the numbers behind the fit; what a joint's own record has and a limb's has not is null."""
+    """Return the numbers behind the fit; null for those that only the record of a single joint has."""
     run, mechanism, fit = joint.run, fits.limb.mechanism, fits.stated
     residual = joint.residual(fit)
     carried = [name for n, name in enumerate(mechanism.joint_names) if joint.number in mechanism.chain(n)]
@@ -163,7 +175,7 @@ def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]
         "samples_used": len(residual),
         **sampling(run),
         "scaled_condition_number": alone.scaled_condition,
-        "inflation": dict(zip(OWN, alone.inflation.values())),
+        "inflation": dict(zip(JOINT_PARAMETERS, alone.inflation.values())),
         "relative_torque_error": float(np.linalg.norm(residual) / np.linalg.norm(run.rows.torque)),
         "whiteness": whiteness(residual),
         "blocks": fit.blocks,
@@ -183,7 +195,7 @@ def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]
 
 
 def limb_errors(record: JointRecord, fits: LimbFits, joint: JointRows) -> Iterator[Finding]:
-    """Yield what makes the fit invalid, the plainest first: signals, scale, rest, a model that is not the robot's."""
+    """Yield errors that make the fit invalid, the plainest first: signals, scale, rest, a model of another robot."""
     yield from signal_findings(joint.run, record)
     scale = fits.scale
     if scale is not None and not scale.interval95[0] <= 1 <= scale.interval95[1]:
@@ -211,7 +223,7 @@ def limb_errors(record: JointRecord, fits: LimbFits, joint: JointRows) -> Iterat
 
 
 def model_doubts(fits: LimbFits) -> Iterator[Finding]:
-    """Yield which link is not the log's within the declared error, the worst one."""
+    """Yield a warning for the link that differs most from the model, beyond the declared error."""
     free, prior = fits.free, fits.stated.prior
     size = np.where(fits.rows.of_links, free.values / prior, 0.0)
     certain = np.abs(free.values) > FAR * np.sqrt(np.diag(free.covariance))
@@ -228,7 +240,7 @@ def model_doubts(fits: LimbFits) -> Iterator[Finding]:
 
 
 def _limb_warnings(limb: LimbRun, record: JointRecord) -> Iterator[Finding]:
-    """Yield what only a limb calls for: what was held, and what cannot be told."""
+    """Yield warnings for a limb only: joints that were held, and parameters that cannot be told."""
     if limb.held:
         rest = dict(zip(limb.mechanism.joint_names, limb.mechanism.rest))
         angles = ", ".join(f"{name} at {rest[name]:.3g} rad" for name in limb.held)
@@ -253,9 +265,9 @@ def _limb_warnings(limb: LimbRun, record: JointRecord) -> Iterator[Finding]:
 
 
 def joint_signals(fits: LimbFits, torques: np.ndarray, joint: JointRows) -> FitSignals:
-    """Return what the page draws of one joint; torques: of `corrected_torques`, which is the same for all joints."""
+    """Return the signals of one joint for the page; torques: those of `corrected_torques`, the same for all joints."""
     prepared, fit = joint.run.prepared, fits.stated
-    armature, viscous, coulomb, offset = (fit.value(f"{name}.{joint.run.joint}") for name in OWN)
+    armature, viscous, coulomb, offset = (fit.value(f"{name}.{joint.run.joint}") for name in JOINT_PARAMETERS)
     late = fit.value(LATENESS) * np.gradient(prepared.torque, prepared.step)
     rigid = torques[:, joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
     fitted = rigid + viscous * prepared.velocity + coulomb * prepared.direction
@@ -263,18 +275,18 @@ def joint_signals(fits: LimbFits, torques: np.ndarray, joint: JointRows) -> FitS
 
 
 FREED = 10.0
-"""Factor on the declared errors of the links under which the log says by itself what they are: where it contradicts the
+"""Factor on the declared errors of the links with which the log tells them by itself: where it contradicts the
 declaration, the tighter fit would take the contradiction for noise."""
 
 
 @dataclass(frozen=True)
 class LimbIdentification:
-    """What was found in the log of a limb."""
+    """Result for the log of a limb."""
 
     joints: JointsFile
-    """A record for every joint of the log, in the order of the mechanism; of one that was refused, why."""
+    """Records of all joints of the log, in the order of the mechanism; a refused one has the reason."""
     signals: dict[str, FitSignals]
-    """For `fit.npz`: joint -> what the page draws, of the joints that were identified."""
+    """Signals for `fit.npz`: joint -> signals of the page, for the identified joints."""
 
 
 def identify_limb(
@@ -282,7 +294,7 @@ def identify_limb(
 ) -> LimbIdentification:
     """Identify all joints of a limb whose base is held.
 
-    declared: how the log was made, as for a single joint; a sidecar says it joint by joint. Raises `StictionError` with
+    declared: set-up of the log, as for a single joint; a sidecar states it joint by joint. Raises `StictionError` with
     one line where the log and the mechanism do not go together, or no joint moves.
     """
     declared, setup = declared or IdentifySetup(), setup or LimbSetup()

@@ -1,7 +1,7 @@
-"""From a log and a mechanism to filtered signals of all its joints, through one filter, on one grid.
+"""Filtered signals of all joints of a mechanism from a log, through one filter, on one grid.
 
 All equations hold a joint's acceleration beside its neighbours', so all signals pass through the same filter. Its
-corner is the median of what the joints would have alone: the lowest would leave quick joints few samples between
+corner is the median of those that the joints would have alone: the lowest would leave quick joints few samples between
 reversals, for the sake of the rotor's inertia of slow ones, whose intervals admit what noise takes from it.
 """
 
@@ -26,33 +26,33 @@ from stiction.identification.timing import even_grid, resample
 from stiction.robots.mechanism import Mechanism
 
 SUFFIXES = ("_joint", "_foot")
-"""What many models end names with, and many logs do not."""
+"""Suffixes of names in many models, which many logs leave out."""
 
 
 @dataclass(frozen=True)
 class LimbRun:
-    """A log of a mechanism with J joints, T samples."""
+    """Log of a mechanism with J joints, T samples."""
 
     source: str
     """Name of the log."""
     mechanism: Mechanism
-    """The links."""
+    """Mechanism of the limb."""
     runs: dict[int, Run]
-    """Number of a joint that can be identified -> its own log, checked and filtered, under the mechanism's name."""
+    """Number of an identifiable joint -> its log, checked and filtered, under the mechanism's name."""
     refused: dict[str, str]
-    """The log's other joints, and why each cannot."""
+    """Other joints of the log, and the reason why each cannot be identified."""
     held: tuple[str, ...]
     """Joints of the mechanism that the log does not have."""
     position: np.ndarray
-    """Of all joints, filtered [rad], (T, J)."""
+    """Angles of all joints, filtered [rad], (T, J)."""
     velocity: np.ndarray
-    """[rad/s], (T, J)."""
+    """Speeds [rad/s], (T, J)."""
     acceleration: np.ndarray
-    """[rad/s²], (T, J)."""
+    """Accelerations [rad/s²], (T, J)."""
 
 
 def bare(name: str) -> str:
-    """Return a name in lower case without what models add to it."""
+    """Return a name in lower case without the suffixes of models."""
     name = name.lower()
     for suffix in SUFFIXES:
         name = name.removesuffix(suffix)
@@ -62,7 +62,7 @@ def bare(name: str) -> str:
 def match_joints(
     log: Log, robot: str, joints: Sequence[str], pairs: tuple[str, ...] = (), rigid: Sequence[str] = ()
 ) -> dict[str, int]:
-    """Return log's joint -> number of the robot's joint: by RECORDED=JOINT pairs, else by name, see `bare`.
+    """Return the log's joint -> number of the robot's joint: by RECORDED=JOINT pairs, else by name, see `bare`.
 
     rigid: further joints of the robot, which count as rigid, and are left out of the log. Raises `StictionError` for a
     pair that matches nothing, a joint of the log that is none of the robot's, and two that are the same.
@@ -75,7 +75,7 @@ def match_joints(
             raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint of the log', recorded, log.joints)}")
         if joint not in known and bare(joint) not in known:
             raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint', joint, joints)}")
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for recorded in log.joints:
         name = wanted.get(recorded, recorded)
         # A pair comes first, for a log may call another joint by the name of a rigid one.
@@ -83,7 +83,7 @@ def match_joints(
             continue
         number = known.get(name, known.get(bare(name)))
         if number is None:
-            numbered = all(one.startswith("joint_") and one[6:].isdigit() for one in log.joints)
+            numbered = all(label.startswith("joint_") and label[6:].isdigit() for label in log.joints)
             raise LogError(
                 f"{log.source}: robot {robot!r}: {unknown_name('joint', name, joints)}; "
                 + (
@@ -92,10 +92,10 @@ def match_joints(
                     else f"name the log's robot with --robot, or say which joint it is, --joint-map {recorded}=JOINT"
                 )
             )
-        if number in found.values():
+        if number in numbers.values():
             raise LogError(f"{log.source}: two joints of the log are {joints[number]!r} of the robot; mend --joint-map")
-        found[recorded] = number
-    return found
+        numbers[recorded] = number
+    return numbers
 
 
 def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tuple[str, ...] = ()) -> LimbRun:
@@ -115,7 +115,9 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
         raise LogError(next(iter(refused.values())))
     # All joints have the log's time, and so one step.
     step = next(iter(checked.values()))[1].step
-    corners = [choose_cutoff(one.position, step, position_noise(one.position)) for _, one, _, _ in checked.values()]
+    corners = [
+        choose_cutoff(signals.position, step, position_noise(signals.position)) for _, signals, _, _ in checked.values()
+    ]
     corner = declared.cutoff or float(np.median(corners))
     runs: dict[int, Run] = {}
     for recorded, (setup, signals, torque, unusable) in checked.items():

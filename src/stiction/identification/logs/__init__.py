@@ -1,4 +1,4 @@
-"""Logs as people have them: any kind of file, through one door, `open_log`."""
+"""Logs in any supported kind of file, opened by `open_log`."""
 
 from stiction.identification.logs.naming import parse_columns
 from stiction.identification.logs.opening import join_logs, open_log

@@ -1,6 +1,6 @@
 """Formats with native or complex parsers, read in a process of its own with bounded memory and time.
 
-A file from a stranger can crash such a parser, or have it take what there is. The process reads one file, writes the
+A file from a stranger can crash such a parser, or make it take all memory. The process reads one file, writes the
 columns of a table and plain facts on its standard output, and ends.
 """
 
@@ -23,12 +23,12 @@ from stiction.core.memory import SHARES, allowance, bound, claim, limit_memory
 from stiction.files.tables import Table, read_bytes, read_parquet, table_of
 
 SECONDS, PATIENCE = 120, 600.0
-"""Processor time that reading one file may take [s]; an hour of twelve joints at 1 kHz takes ten. And the longest that
-it may take on a machine that is busy with other things [s]."""
+"""Longest processor time for one file [s]; an hour of twelve joints at 1 kHz takes ten. And the longest time on a
+machine that is busy with other things [s]."""
 
 
 def read_apart(path: Path, options: Mapping[str, Any]) -> Table:
-    """Read a file in another process, by one of `readers`. options: of its reader. Raises `LogError`."""
+    """Read a file in another process, by one of `readers`. options: keyword arguments. Raises `LogError`."""
     words = (path, allowance() * SHARES, json.dumps(dict(options)))
     try:
         done = run_isolated("stiction.identification.logs.apart", PATIENCE, words)
@@ -53,7 +53,7 @@ def read_apart(path: Path, options: Mapping[str, Any]) -> Table:
 
 
 def readers() -> dict[str, Callable[..., Table]]:
-    """Return suffix -> what reads such a file; imported where it runs, in its own process."""
+    """Return suffix -> reader of such a file; imported where it runs, in its own process."""
     from stiction.identification.logs.bags import read_bag
     from stiction.identification.logs.pace import read_pace
 
@@ -62,7 +62,7 @@ def readers() -> dict[str, Callable[..., Table]]:
 
 
 def main(words: list[str]) -> None:
-    """Read one file and write what `read_apart` expects; words: its path, memory [B], and options as JSON."""
+    """Read one file and write the answer for `read_apart`; words: its path, memory [B], and options as JSON."""
     path, memory, options = Path(words[0]), int(words[1]), json.loads(words[2])
     bound(resource.RLIMIT_CPU, SECONDS)
     bound(resource.RLIMIT_CORE, 0)
@@ -86,8 +86,8 @@ def main(words: list[str]) -> None:
 def read_mat(path: Path) -> Table:
     """Read the numeric vectors of a MATLAB file up to version 7, and its matrices, shape (num_samples, num_joints).
 
-    By scipy.io, which a damaged size can crash. Matrices become `name_0`, ...; what has another number of samples has a
-    fault. Raises `LogError`.
+    The reader is scipy.io, which a damaged size can crash. Matrices become `name_0`, ...; one with another number of
+    samples has a fault. Raises `LogError`.
     """
     content = read_bytes(path)
     # MATLAB itself puts 512 bytes, with a header as of version 5, in front of the HDF5.
@@ -115,7 +115,8 @@ def read_mat(path: Path) -> Table:
         raise LogError(f"{path.name}: damaged MATLAB file ({str(error)[:120]}); save it again") from error
     arrays = {name: loaded[name] for name in numeric if name in loaded and loaded[name].dtype.kind in "fiu"}
     return table_of(
-        path.name, {name: one.ravel() if 1 in one.shape else one for name, one in arrays.items() if one.size > 1}
+        path.name,
+        {name: array.ravel() if 1 in array.shape else array for name, array in arrays.items() if array.size > 1},
     )
 
 

@@ -1,8 +1,8 @@
-"""Bags of ROS 1 and 2, `.bag`, MCAP and rosbag2's SQLite, by rosbags: a row a joint state; in `apart` alone.
+"""Bags of ROS 1 and 2, `.bag`, MCAP and rosbag2's SQLite, by rosbags: a row a joint state; run in `apart` only.
 
 A state is a `sensor_msgs/msg/JointState` or Unitree's `LowState`; a command a joint state too, or a
 `std_msgs/msg/Float64MultiArray`, a `trajectory_msgs/msg/JointTrajectory` of one point, or Unitree's `LowCmd`; what the
-body measures a `sensor_msgs/msg/Imu` or Unitree's `LowState`. Their types are ROS's own, as rosbags has them:
+body measures a `sensor_msgs/msg/Imu` or Unitree's `LowState`. Their types are those of ROS, as rosbags has them:
 definitions in the file are not used. Messages are decoded as they come, and of each no more is kept than its numbers.
 """
 
@@ -39,7 +39,7 @@ KINDS = {
 """Role of a topic -> types of its messages; a joint state is a command by its topic's name."""
 
 LARGEST_MESSAGE = 2**16
-"""Bytes of a message about joints: 256 joints with names of 64 letters take 24 kB."""
+"""Largest message about joints [B]: 256 joints with names of 64 letters take 24 kB."""
 
 
 Decode = Callable[[bytes, str], Any]
@@ -47,29 +47,33 @@ Decode = Callable[[bytes, str], Any]
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the file."""
+    """Topic of the file."""
 
     name: str
-    """`/joint_states`."""
+    """Name, such as `/joint_states`."""
     schema: str
     """Type of its messages, `sensor_msgs/msg/JointState`; in ROS 1 too."""
 
 
 def read_bag(path: Path, topics: Mapping[str, str], body: bool = False) -> Table:
-    """Read the joints of a bag as columns `position.<joint>` and so on, and those of the body where that is asked for.
+    """Read the joints of a bag as columns `position.<joint>` and so on, and those of the body if requested.
 
-    topics: `state`, `command` and `imu` -> topic; what is not named is chosen if there is only one candidate. The
+    topics: `state`, `command` and `imu` -> topic; a role without a topic gets the only candidate. The
     `time` is that of the states' headers, or of their receipt where the headers have none, in seconds from the first;
     the command is held from its stamp to the next, the body's signals are interpolated. Raises `LogError`.
     """
     if wrong := sorted(set(topics) - set(TOPICS)):
         raise LogError(f"{path.name}: {wrong[0]}= maps a column; a bag has topics: state=TOPIC command=TOPIC")
     with _opened(path) as (bag, decode):
-        known = [Topic(one.topic, one.msgtype) for one in bag.connections]
+        known = [Topic(connection.topic, connection.msgtype) for connection in bag.connections]
         chosen = choose_topics(path.name, list(dict.fromkeys(known)), topics, body)
-        wanted = [one for one, topic in zip(bag.connections, known, strict=True) if topic in chosen.values()]
+        wanted = [
+            connection for connection, topic in zip(bag.connections, known, strict=True) if topic in chosen.values()
+        ]
         base, series = _collect(path.name, bag.messages(wanted), decode, chosen)
-        if (count := sum(one.count for one in series.values())) != (promised := sum(one.msgcount for one in wanted)):
+        if (count := sum(connection.count for connection in series.values())) != (
+            promised := sum(connection.msgcount for connection in wanted)
+        ):
             raise ValueError(f"{count} messages; the file says that it has {promised}")
     columns, stamps, received = _columns(series[chosen["state"]])
     rows, notes, period = np.ones(len(stamps), bool), [], None
@@ -78,10 +82,10 @@ def read_bag(path: Path, topics: Mapping[str, str], body: bool = False) -> Table
         notes.append(f"{name}: the headers have no stamps; the times of receipt are used, jitter included")
     if "command" in chosen:
         asked, sent, by_receipt = _columns(series[chosen["command"]])
-        targets, said = _targets(chosen["command"], asked, columns)
+        targets, target_notes = _targets(chosen["command"], asked, columns)
         held, rows = _held(path.name, chosen["command"].name, sent, stamps)
         columns |= {name: values[held] for name, values in targets.items()}
-        notes += said
+        notes += target_notes
         if by_receipt != received:
             notes.append(
                 "states and commands are stamped by different clocks (header and receipt): a delay between them is not "
@@ -108,7 +112,7 @@ def read_bag(path: Path, topics: Mapping[str, str], body: bool = False) -> Table
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[Any, Decode]]:
-    """Yield rosbags' reader of a bag, and what turns the bytes of a message and its type into an object.
+    """Yield rosbags' reader of a bag, and the function that turns bytes and type of a message into an object.
 
     Raises `LogError` where the bag is damaged or incomplete, also while it is read, or the library is missing.
     """
@@ -127,7 +131,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Decode]]:
         with (Reader1 if ros1 else Reader2)(path) as reader:
             if len(reader.connections) > 10_000:
                 raise ValueError(f"{len(reader.connections)} topics")
-            encodings = {getattr(one.ext, "serialization_format", "cdr") for one in reader.connections}
+            encodings = {getattr(connection.ext, "serialization_format", "cdr") for connection in reader.connections}
             if odd := sorted(encodings - {"cdr", ""}):
                 raise LogError(f"{path.name}: messages are encoded as {odd[0][:40]!r}; expected cdr")
             yield reader, types.deserialize_ros1 if ros1 else types.deserialize_cdr
@@ -137,13 +141,13 @@ def _opened(path: Path) -> Iterator[tuple[Any, Decode]]:
         raise
     # Whatever a damaged file has the library raise, asserts and want of memory included; this process ends with it.
     except Exception as error:
-        what = str(error)[:100] or type(error).__name__
+        cause = str(error)[:100] or type(error).__name__
         advice = "`mcap recover` or `ros2 bag convert` may save it"
-        raise LogError(f"{path.name}: not a whole bag ({what}); {advice}") from error
+        raise LogError(f"{path.name}: not a whole bag ({cause}); {advice}") from error
 
 
 def _check_pages(source: str, head: bytes, size: int) -> None:
-    """Refuse what is no SQLite file, and one that was cut off: it has as many pages as it says."""
+    """Reject a file that is not SQLite, and one that was cut off: its number of pages is not what it says."""
     if not head.startswith(b"SQLite format 3\0") or len(head) < 100:
         raise LogError(f"{source}: not a rosbag2 database, which is an SQLite file")
     # A page of 65536 bytes does not fit into the field, and the format writes 1 for it.
@@ -153,9 +157,9 @@ def _check_pages(source: str, head: bytes, size: int) -> None:
 
 
 def choose_topics(source: str, known: list[Topic], asked: Mapping[str, str], body: bool = False) -> dict[str, Topic]:
-    """Return role -> topic, `state` and where there are `command` and `imu`; raise `LogError` if it is not clear which.
+    """Return role -> topic, `state` and, if present, `command` and `imu`; raise `LogError` if the choice is unclear.
 
-    asked: role -> name of a topic; body: whether the IMU is wanted. Of several topics of joint states, those with a
+    asked: role -> name of a topic; body: True if the IMU is wanted. Of several topics of joint states, those with a
     word for command in their name are commands.
     """
     listing = ", ".join(f"{topic.name} ({topic.schema})" for topic in known[:20]) or "none"
@@ -168,7 +172,9 @@ def choose_topics(source: str, known: list[Topic], asked: Mapping[str, str], bod
         chosen[role] = fitting[0]
     left = [topic for topic in known if topic not in (chosen.get("state"), chosen.get("command"))]
     states = [topic for topic in left if topic.schema in KINDS["state"]]
-    orders = [one for one in states if one.schema == STATE and any(word in one.name.lower() for word in COMMAND_WORDS)]
+    orders = [
+        topic for topic in states if topic.schema == STATE and any(word in topic.name.lower() for word in COMMAND_WORDS)
+    ]
     candidates = {
         "state": [topic for topic in states if topic not in orders] or states,
         "command": orders + [topic for topic in left if topic.schema in KINDS["command"][1:]],
@@ -193,7 +199,7 @@ def _collect(
 ) -> tuple[int, dict[Topic, Records]]:
     """Return a time [ns], and the messages of each topic, whose columns `header` and `receipt` count from it [ns].
 
-    decode: what turns bytes and a type into a message. Raises `LogError`.
+    decode: function from bytes and a type to a message. Raises `LogError`.
     """
     series, base = {topic: Records(f"{source}: {topic.name}") for topic in chosen.values()}, 0
     for connection, received, data in messages:
@@ -211,13 +217,13 @@ def _collect(
         except LogError:
             raise
         except Exception as error:
-            said = str(error)[:80] or type(error).__name__
-            raise LogError(f"{source}: a message on {connection.topic} is damaged ({said})") from error
+            cause = str(error)[:80] or type(error).__name__
+            raise LogError(f"{source}: a message on {connection.topic} is damaged ({cause})") from error
     return base, series
 
 
 def _content(source: str, kind: str, decode: Decode, data: bytes) -> tuple[int, int, Iterable[tuple[str, float]]]:
-    """Return the stamp of a message, 0 where there is none, what is to be added to it [ns], and columns and numbers."""
+    """Return a message's stamp, 0 where it has none, the delay to add to it [ns], and columns and numbers."""
     if kind in STRUCTURES:
         return 0, 0, _of_unitree(kind, data)
     message = decode(data, kind)
@@ -279,7 +285,7 @@ def _of_unitree(kind: str, data: bytes) -> Iterator[tuple[str, float]]:
 
 
 def _columns(records: Records) -> tuple[Columns, np.ndarray, bool]:
-    """Return columns, stamps [ns], and whether these are of receipt, for want of others; each of shape (num_messages,).
+    """Return columns, stamps [ns], and True if these are of receipt, for want of others; shape (num_messages,) each.
 
     Raises `LogError` where there are no messages, or not the same columns in each.
     """
@@ -313,15 +319,15 @@ def _targets(topic: Topic, asked: Columns, states: Columns) -> tuple[Columns, li
     gains = {gain: [asked[f"{motor}.{gain}"] for motor in motors] for gain in ("kp", "kd")}
     notes = []
     if motors and not any(np.ptp(values) for sent in gains.values() for values in sent):
-        words = "; ".join(f"{gain} {', '.join(f'{one[0]:.4g}' for one in sent)}" for gain, sent in gains.items())
+        words = "; ".join(f"{gain} {', '.join(f'{values[0]:.4g}' for values in sent)}" for gain, sent in gains.items())
         notes = [f"{topic.name}: the commands carry the gains {words}: say so in the sidecar, or by --kp and --kd"]
     return {f"{motor}.q": asked[f"{motor}.q"] for motor in motors}, notes
 
 
 def _held(source: str, name: str, sent: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return index of the last command at or before each state, and whether there was one. Raises `LogError`.
+    """Return the index of the last command at or before each state, and a mask of states with one. Raises `LogError`.
 
-    States before the first command are left out: nobody knows what the joint was asked for then.
+    States before the first command are left out: their target is not known.
     """
     order = np.argsort(sent, kind="stable")
     place = np.searchsorted(sent[order], stamps, side="right") - 1

@@ -1,10 +1,10 @@
-"""Which column is which signal of which joint or of the body: by a mapping, by the usual names, or refused.
+"""Assignment of columns to signals of joints and of the body: by a mapping, by the usual names, or refused.
 
 A mapping gives a role a column, `position=qm`, for one joint; several, `position=1,2,3`; or a pattern,
 `position=q_{joint}`, where `{joint}` stands for the joint's number or name. A role of the body has its columns in their
 order, `quaternion=qw,qx,qy,qz`, or what stands in front of the axes, `accelerometer=imu/acc`. By name it is
 `quaternion.w`, `imu_state.gyroscope_0`, `/imu/data/orientation/x` and their like; a quaternion whose parts are numbered
-is taken as w x y z, and whether it is, `identify walk` asks of the gyroscope.
+is taken as w x y z, which `identify walk` checks against the gyroscope.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from stiction.files.tables import WIDEST_MATRIX, Columns, Table
 from stiction.identification.logs.titles import PLACE, bare_titles, by_units, find_time, guess_columns
 
 ROLES = ("time", *SIGNALS)
-"""What a mapping may map in a table, besides the body."""
+"""Roles that a mapping may map in a table, besides the body."""
 
 TOPICS = ("state", "command", "imu")
-"""What a mapping may map in a file of messages."""
+"""Roles that a mapping may map in a file of messages."""
 
 COMMAND_WORDS = ("command", "cmd", "target", "desired", "reference", "setpoint")
-"""What a topic of joint states has in its name if it is the command."""
+"""Words in the name of a topic of joint states that make it the command."""
 
 WIDE = {
     "position": "joint_pos_# dof_pos_# observation.state_# motor_state[#].q motorState[#].q position[#] "
@@ -54,32 +54,32 @@ STEMS = {
     "accelerometer": ("accelerometer", "linear_acceleration", "acc", "accel", "imu_acc", "specific_force"),
     "foot_force": ("foot_force", "foot_contact", "footForce", "contact", "contacts"),
 }
-"""Role of the body -> what stands in front of the axis in the usual names, the first that fits counts."""
+"""Role of the body -> text in front of the axis in the usual names; the first that fits counts."""
 
 AXES = {"quaternion": "wxyz", "gyroscope": "xyz", "accelerometer": "xyz"}
-"""Role -> the letters of its columns, in our order."""
+"""Role -> letters of its columns, in our order."""
 
 MOST_FEET = 16
-"""No robot has more."""
+"""Largest number of feet of a robot."""
 
 Chosen = dict[str, dict[str, str]]
 """Joint -> role -> title of its column."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """The signals of a table, by joint; arrays of shape (num_samples,)."""
+class TableSignals:
+    """Signals of a table, by joint; arrays of shape (num_samples,)."""
 
     time: np.ndarray | None
-    """The time stamps, None where there are none."""
+    """Time stamps, None where the table has none."""
     joints: dict[str, JointSignals]
-    """Joint -> signals."""
+    """Signals by joint."""
     time_name: str = ""
-    """The time's column."""
+    """Name of the time's column."""
     used: tuple[str, ...] = ()
-    """The columns that are in use, the time's too."""
+    """Columns in use, the time's too."""
     notes: tuple[str, ...] = ()
-    """What a reader of the results should know about the choice."""
+    """Notes on the choice for readers of the results."""
     setups: dict[str, LogSetup] = field(default_factory=dict)
     """Joint -> scales that follow from units in the titles; joints in SI have none."""
 
@@ -101,12 +101,12 @@ def parse_columns(words: Sequence[str]) -> dict[str, str]:
     return mapping
 
 
-def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, joint: str | None) -> Found:
+def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, joint: str | None) -> TableSignals:
     """Return the signals of a table, joint by joint.
 
     columns: role -> column or pattern, or None to go by names. joint: the name to give a joint whose columns carry
     none. Joints that have only a number are called `joint_0`, `joint_1`, ... Raises `LogError`, also where a column
-    that is in use is none of numbers.
+    in use does not hold numbers.
     """
     titles = bare_titles(table.columns, ROLES, (columns or {}).values())
     values = {title: table.columns[column] for title, (column, _) in titles.items()}
@@ -125,22 +125,24 @@ def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, j
     joints, setups = {}, {}
     for name, roles in chosen.items():
         signals = JointSignals(**{role: values[title] for role, title in roles.items()})
-        joints[name], setup, said = by_units(signals, {role: titles[title][1] for role, title in roles.items()})
+        joints[name], setup, unit_notes = by_units(signals, {role: titles[title][1] for role, title in roles.items()})
         if setup != LogSetup():
             setups[name] = setup
-        notes += tuple(f"joint {name!r}: {one}" for one in said)
-    return Found(values[time] if time else None, joints, time or "", tuple(used), tuple(dict.fromkeys(notes)), setups)
+        notes += tuple(f"joint {name!r}: {note}" for note in unit_notes)
+    return TableSignals(
+        values[time] if time else None, joints, time or "", tuple(used), tuple(dict.fromkeys(notes)), setups
+    )
 
 
 def _check(source: str, table: Table, used: Iterable[str]) -> None:
-    """Raise `LogError` for the first column in use that is none of numbers."""
+    """Raise `LogError` for the first column in use that does not hold numbers."""
     for name in used:
         if fault := table.faults.get(name):
             raise LogError(fault if fault.startswith(f"{source}:") else f"{source}: {fault}")
 
 
 def recipe(table: Table) -> str:
-    """Return what the columns are and how they could be mapped, nearest to what their names look like."""
+    """Return the names of the columns and a mapping for them, as near as their names allow."""
     names = [name for name in table.columns if name not in table.faults]
     numbered = all(name.isdigit() for name in names)
     guessed = guess_columns(names)
@@ -155,7 +157,7 @@ def recipe(table: Table) -> str:
 
 
 def _mapped(source: str, titles: Columns, columns: Mapping[str, str], joint: str | None) -> Chosen:
-    """Follow a mapping."""
+    """Apply a mapping."""
     if unknown := set(columns) - set(ROLES):
         raise LogError(unknown_name("role", min(unknown), ROLES))
     signals = {role: name for role, name in columns.items() if role != "time"}
@@ -215,7 +217,7 @@ def _match(pattern: str, titles: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _by_names(source: str, columns: Columns, joint: str | None) -> tuple[Chosen, tuple[str, ...]]:
-    """Group columns by joint as their names have it, and say what should be known; nothing where none fits."""
+    """Group columns by joint as their usual names have it, and return notes; empty where none fits."""
     chosen: Chosen = {}
     for name in columns:
         role, _, owner = name.partition(".")
@@ -225,7 +227,9 @@ def _by_names(source: str, columns: Columns, joint: str | None) -> tuple[Chosen,
         return chosen, ()
     notes = []
     for role, patterns in WIDE.items():
-        fitting = ((one, found) for one in patterns.split() if (found := _match(_usual(one), columns)))
+        fitting = (
+            (candidate, labels) for candidate in patterns.split() if (labels := _match(_usual(candidate), columns))
+        )
         pattern, matches = next(fitting, ("", []))
         notes += [LEROBOT] if pattern.startswith("observation.state") else []
         for label, name in matches:
@@ -247,7 +251,7 @@ def _by_names(source: str, columns: Columns, joint: str | None) -> tuple[Chosen,
 
 
 def _usual(pattern: str) -> str:
-    """Return the regular expression of a usual pattern, with what may stand in front and in place of brackets."""
+    """Return the regular expression of a usual pattern, with optional text in front and in place of brackets."""
     name = re.escape(pattern).replace(r"\#", r"(\d{1,4})")
     if "[" not in pattern:
         return f"(?:.*/)?{name}"
@@ -276,16 +280,16 @@ def _by_topics(source: str, columns: Columns) -> Chosen:
 
 
 def find_body(source: str, table: Table, columns: Mapping[str, str]) -> tuple[BodySignals, tuple[str, ...]]:
-    """Return what a table holds of the body, and the columns that are in use.
+    """Return the signals of the body in a table, and the columns in use.
 
     columns: role -> columns, of roles in `BODY` alone. Raises `LogError` for a mapping that fits nothing, for two
-    sensors of a kind, and for a column that is none of numbers.
+    sensors of a kind, and for a column that does not hold numbers.
     """
     names = table.columns
     chosen = {role: _asked(source, names, role, columns[role]) for role in columns}
     for role in BODY:
-        if role not in chosen and (found := _usual_body(source, names, role)):
-            chosen[role] = found
+        if role not in chosen and (usual := _usual_body(source, names, role)):
+            chosen[role] = usual
     used = tuple(name for labels in chosen.values() for name in labels.values())
     _check(source, table, used)
     arrays: dict[str, Any] = {
@@ -299,8 +303,8 @@ def _asked(source: str, names: Columns, role: str, asked: str) -> dict[str, str]
     """Return label -> column as a mapping has it."""
     words = asked.split(",")
     if len(words) == 1 and asked not in names:
-        if found := _in_order(role, dict(_match(rf"{re.escape(asked)}[\[./_]?(\w+)\]?", names))):
-            return found
+        if labels := _in_order(role, dict(_match(rf"{re.escape(asked)}[\[./_]?(\w+)\]?", names))):
+            return labels
         raise LogError(f"{source}: no columns of {role}={asked}; the columns are {listed(names)}")
     if missing := [name for name in words if name not in names]:
         raise LogError(f"{source}: no column {missing[0]!r} for {role}; the columns are {listed(names)}")
@@ -318,7 +322,7 @@ def _usual_body(source: str, names: Columns, role: str) -> dict[str, str]:
         for name in names:
             if match := re.fullmatch(rf"((?:.*[/.])?{stem})[\[./_](\w+)\]?", name):
                 fronts.setdefault(match[1], {})[match[2]] = name
-        complete = {front: found for front, labels in fronts.items() if (found := _in_order(role, labels))}
+        complete = {front: ordered for front, labels in fronts.items() if (ordered := _in_order(role, labels))}
         if len(complete) > 1:
             raise LogError(
                 f"{source}: several columns could be the {role}, {', '.join(sorted(complete))}; say which: --columns "

@@ -1,4 +1,4 @@
-"""The one door: any log that can be read, by the suffix of its file; whatever cannot is told the nearest way in."""
+"""Opening of any supported log by the suffix of its file, with advice for the other kinds."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from stiction.identification.logs.rows import check_stamps, complete_rows, cut, 
 from stiction.identification.timing import stands_still
 
 KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .bag, .mat or .pt"
-"""What can be read."""
+"""Supported kinds of file."""
 
 BAGS = (".mcap", ".db3", ".bag")
 APART = (".mat", ".parquet", ".pt", *BAGS)
 JSONS = (".json", ".jsonl", ".ndjson", ".json.gz", ".jsonl.gz", ".ndjson.gz")
-"""Suffixes of files of messages, of what is read in a process of its own, and of records as text."""
+"""Suffixes of files of messages, of files that are read in a process of their own, and of records as text."""
 
 ELSEWHERE = {
     ".ulg": "a log of PX4: ulog2csv FILE",
@@ -54,13 +54,13 @@ ELSEWHERE = {
     ".npy": "one array without names: numpy.savez('log.npz', time=..., position=...)",
     "": "a name without an ending: call it .csv if it is a table of text",
 }
-"""Suffix that is not read -> what it is, and the nearest way in."""
+"""Unsupported suffix -> kind of file, and the nearest way to a supported one."""
 
 
 def read_rows(path: Path, topics: Mapping[str, str] | None = None, body: bool = False) -> Table:
     """Read a file as columns, rows of samples. Raises `LogError`.
 
-    topics, body: of a bag, whose rows are those of its joint states, see `bags.read_bag`.
+    topics, body: for a bag, whose rows are those of its joint states, see `bags.read_bag`.
     """
     suffix = suffix_of(path)
     with _unquoted(path):
@@ -83,17 +83,17 @@ def read_rows(path: Path, topics: Mapping[str, str] | None = None, body: bool = 
 
 @contextmanager
 def _unquoted(path: Path) -> Iterator[None]:
-    """Refuse without a word of its content what was reached through a link.
+    """Hide the content of a file that was reached through a link from messages.
 
-    A log or sidecar from a stranger may be a link to a file of the reader's, whose words would end in a report.
+    A log or sidecar from a stranger may be a link to a private file, whose words would end in a report.
     """
     try:
         yield
     except LogError:
         if not path.is_symlink() or not path.exists():
             raise
-        said = "a link to what cannot be read as a log or its sidecar; give the file itself, whose refusal says why"
-        raise LogError(f"{path.name}: {said}") from None
+        refusal = "a link to what cannot be read as a log or its sidecar; give the file itself, whose refusal says why"
+        raise LogError(f"{path.name}: {refusal}") from None
 
 
 def open_log(
@@ -112,12 +112,12 @@ def open_log(
 
     columns: role -> column or pattern (see `naming`), or `state` and `command` -> topic for bags. joint: the name to
     give a joint whose columns carry none. names: the joints' names, in order, for a log that only numbers them. rate:
-    samples per second [Hz] of a log without time stamps. time_scale: seconds per unit of the stamps. begin, end: what
-    to take of the log, from its first stamp [s]. Each of these is the sidecar's where it is not given. sidecar: where
-    that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
-    `LogError` with one line for whatever is wrong with the file, and for what was given of a log that says it itself.
+    samples per second [Hz] of a log without time stamps. time_scale: seconds per unit of the stamps. begin, end: used
+    part of the log, from its first stamp [s]. Each of these is taken from the sidecar where it is not given. sidecar:
+    its path, by default next to the log. body: True to look for the IMU and the feet of a walking robot. Raises
+    `LogError` with one line for whatever is wrong with the file, and for an option that the log itself answers.
     """
-    given = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
+    options = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
     with _unquoted(path):
         if path.is_dir() and not body:
             from stiction.files.run_log import find_run_log, joint_log, read_run_log
@@ -129,33 +129,33 @@ def open_log(
         _refuse_absent(path)
         with _unquoted(sidecar or sidecar_of(path)):
             setup = _declared(path, sidecar)
-        known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        known: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
         setup = replace(setup, **known)
         check_stamps(path.name, setup)
-        return _read(path, columns or setup.columns, joint, names or setup.names, setup, given, body)
+        return _read(path, columns or setup.columns, joint, names or setup.names, setup, options, body)
 
 
 def _refuse_absent(path: Path) -> None:
-    """Raise `LogError` for a folder, and for what is not there."""
+    """Raise `LogError` for a folder, and for a missing file."""
     if path.is_dir():
         inside = sorted(name for name in path.iterdir() if name.suffix in (*BAGS, ".parquet", ".csv"))
-        expected = f": name the file in it, {inside[0]}" if inside else f", a {KINDS} file"
-        raise LogError(f"{path} is a directory; expected a log{expected}")
+        expected = f"pass a log file, e.g. {inside[0]}" if inside else f"expected a {KINDS} file"
+        raise LogError(f"{path} is a directory; {expected}")
     if not path.is_file():
         raise LogError(f"no log at {path}{near_file(path) or ';'} expected a {KINDS} file")
 
 
 def _declared(path: Path, sidecar: Path | None) -> LogSetup:
-    """Return what a sidecar says; what is wrong with the one beside a log is said of both."""
+    """Return the content of a sidecar; name the log, too, in an error of the sidecar next to it."""
     try:
         return read_setup(path) if sidecar is None else read_sidecar(sidecar)
     except LogError as error:
         raise LogError(f"{path.name}, its sidecar: {error}") from error
 
 
-def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
-    """Raise `LogError` for what was given, and would be of no effect; why: what `source` is or has."""
-    for name, value in given.items():
+def _refuse(source: str, options: Mapping[str, Any], why: str) -> None:
+    """Raise `LogError` for options without effect; why: reason, a predicate of `source`."""
+    for name, value in options.items():
         if value not in (None, (), {}):
             raise LogError(f"{source}: {why}; leave {name} out (--{name.replace('_', '-')})")
 
@@ -166,14 +166,14 @@ def _read(
     joint: str | None,
     names: Sequence[str],
     setup: LogSetup,
-    given: Mapping[str, float | None],
+    options: Mapping[str, float | None],
     body: bool,
 ) -> Log:
-    """Read a log as `open_log` does. setup: all that is known of it; given: what the caller knows, and no sidecar."""
+    """Read a log as `open_log` does. setup: all that is known of it; options: the caller's, without a sidecar."""
     source, is_bag = path.name, suffix_of(path) in BAGS
     if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
         raise LogError(f"{source}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
-    rate, scale = {"rate": given["rate"]}, {"time_scale": given["time_scale"]}
+    rate, scale = {"rate": options["rate"]}, {"time_scale": options["time_scale"]}
     if is_bag:
         _refuse(source, rate | scale, "is a bag, whose messages have stamps")
         table, columns = read_rows(path, columns, body), {}
@@ -181,14 +181,14 @@ def _read(
         table = read_rows(path)
         if topics := sorted(set(columns) & set(TOPICS)):
             raise LogError(f"{source}: {topics[0]}= names a topic of a bag; for this kind of log map columns")
-    found = find_signals(source, table, {role: columns[role] for role in columns if role not in BODY}, joint)
+    signals = find_signals(source, table, {role: columns[role] for role in columns if role not in BODY}, joint)
     of_body = {role: columns[role] for role in columns if role in BODY}
     measured, used = find_body(source, table, of_body) if body else (None, ())
     # Empty cells of columns that nobody uses cost no row.
-    blank = any(name in table.blanks for name in (*found.used, *used))
-    # Stamps of too few digits are as good as none to whoever knows the rate, if each row is a sample.
-    standing = found.time is not None and setup.rate is not None and not blank and stands_still(found.time)
-    if found.time is None or standing:
+    blank = any(name in table.blanks for name in (*signals.used, *used))
+    # Stamps of too few digits are as good as none if the rate is known and each row is a sample.
+    standing = signals.time is not None and setup.rate is not None and not blank and stands_still(signals.time)
+    if signals.time is None or standing:
         if setup.rate is None:
             raise LogError(
                 f"{source}: no column of time; the columns are {listed(table.columns)}; map one, time=NAME, or give "
@@ -196,18 +196,18 @@ def _read(
             )
         _refuse(source, scale, "has no time stamps to scale")
         time, start = np.arange(len(next(iter(table.columns.values())))) / setup.rate, 0.0
-        why = f"the stamps in {found.time_name} stand still" if standing else "the log has no time stamps"
-        said: tuple[str, ...] = (f"{why}: {setup.rate:g} Hz was declared, and jitter cannot be seen",)
+        why = f"the stamps in {signals.time_name} stand still" if standing else "the log has no time stamps"
+        time_notes: tuple[str, ...] = (f"{why}: {setup.rate:g} Hz was declared, and jitter cannot be seen",)
     else:
-        _refuse(source, rate, f"has time stamps, {found.time_name}, and a rate of its own")
-        time, start, said = seconds(found.time, found.time_name, 1.0 if is_bag else setup.time_scale)
-        start += table.starts.get(found.time_name, 0.0)
-    log = Log(source, time, found.joints, setup, (*table.notes, *found.notes, *said), start, measured)
+        _refuse(source, rate, f"has time stamps, {signals.time_name}, and a rate of its own")
+        time, start, time_notes = seconds(signals.time, signals.time_name, 1.0 if is_bag else setup.time_scale)
+        start += table.starts.get(signals.time_name, 0.0)
+    log = Log(source, time, signals.joints, setup, (*table.notes, *signals.notes, *time_notes), start, measured)
     log = mend(cut(complete_rows(log) if blank else log, setup.begin, setup.end))
     joints = _named(source, log.joints, names)
-    # What a title says of its unit counts where nobody said another thing.
+    # The unit in a title counts where no other one was declared.
     of_joints = dict(setup.joints)
-    for name, titled in zip(joints, map(found.setups.get, log.joints), strict=True):
+    for name, titled in zip(joints, map(signals.setups.get, log.joints), strict=True):
         known = setup.of_joint(name).to_dict()
         if titled and (scales := {key: value for key, value in titled.to_dict().items() if key not in known}):
             of_joints[name] = replace(setup.joints.get(name, LogSetup()), **scales)
@@ -215,7 +215,7 @@ def _read(
 
 
 def _named(source: str, joints: dict[str, JointSignals], names: Sequence[str]) -> dict[str, JointSignals]:
-    """Give numbered joints their names; raise `LogError` where the names do not fit the joints."""
+    """Name numbered joints; raise `LogError` where the names do not fit the joints."""
     if not names or list(joints) == list(names):
         return joints
     if not all(re.fullmatch(r"joint_\d+", name) for name in joints):
@@ -226,7 +226,7 @@ def _named(source: str, joints: dict[str, JointSignals], names: Sequence[str]) -
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
-    """Return several files, the parts of one log in order, as one log; raise `LogError` where they are not that.
+    """Return several files, the parts of one log in order, as one log; raise `LogError` where they are not.
 
     The stamps must go on from file to file: what begins again at zero is another run.
     """
@@ -246,7 +246,7 @@ def join_logs(logs: Sequence[Log]) -> Log:
     for name in first.joints:
         joined = {}
         for role in SIGNALS:
-            arrays = [one for log in logs if (one := getattr(log.joints[name], role)) is not None]
+            arrays = [array for log in logs if (array := getattr(log.joints[name], role)) is not None]
             # In all parts or in none: joined otherwise, its samples would not be the time's.
             if len(arrays) not in (0, len(logs)):
                 raise LogError(f"{logs[-1].source}: {role} of joint {name!r} is in some of the files; expected in all")

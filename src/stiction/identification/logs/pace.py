@@ -33,45 +33,45 @@ STORAGES = {
 """Name of a storage's class -> NumPy's name of its numbers, without the byte order."""
 
 REBUILD, ORDERED = "torch._utils _rebuild_tensor_v2", "collections OrderedDict"
-"""The two functions whose calls are understood."""
+"""Functions whose calls are understood."""
 
 
 PLAIN = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
-"""Instruction -> what it puts."""
+"""Instruction -> value that it puts."""
 
 
 class NotPlainError(ValueError):
-    """The index asks for something that tensors in a dictionary do not need; the message says what."""
+    """Error for an index that asks for more than tensors in a dictionary need; the message names it."""
 
 
 @dataclass(frozen=True)
-class Name:
-    """A function or class that the index names. It is never looked up."""
+class GlobalRef:
+    """Unresolved global that the pickle refers to; it is never looked up."""
 
     text: str
-    """`module name`."""
+    """Text `module name`."""
 
 
 @dataclass(frozen=True)
 class Storage:
-    """Where the numbers of a tensor lie."""
+    """Location of a tensor's numbers."""
 
     key: str
     """Name of the member of the archive."""
     kind: str
-    """One of the values of `STORAGES`."""
+    """NumPy's name of the numbers, a value of `STORAGES`."""
     size: int
-    """How many numbers there are."""
+    """Count of the numbers."""
 
 
 @dataclass(frozen=True)
 class Tensor:
-    """A view on a storage, as the file declares it: not yet checked."""
+    """View on a storage, as the file declares it: not yet checked."""
 
     storage: Storage
-    """Its numbers."""
+    """Storage of the numbers."""
     offset: int
-    """Index of the first."""
+    """Index of the first number."""
     shape: tuple[int, ...]
     """Size of each dimension."""
     stride: tuple[int, ...]
@@ -79,7 +79,7 @@ class Tensor:
 
 
 def read_index(program: bytes) -> Any:
-    """Return what the index describes: dict, list, tuple, number, text, None, or `Tensor` of these.
+    """Return the value that the index describes: dict, list, tuple, number, text, None, or `Tensor` of these.
 
     Raises `NotPlainError` for anything beyond plain data, and `ValueError` and its like for a damaged index.
     """
@@ -100,7 +100,7 @@ class _Machine:
         self.memo: dict[int, Any] = {}
 
     def follow(self, name: str, argument: Any) -> None:
-        """Follow one instruction; refuse all that build no data."""
+        """Follow one instruction; reject all that build no data."""
         stack = self.stack
         match name:
             case "PROTO" | "FRAME":
@@ -126,9 +126,9 @@ class _Machine:
             case "SETITEM" | "SETITEMS":
                 self.set_items(self.take(2) if name == "SETITEM" else self.since_mark())
             case "GLOBAL":
-                stack.append(Name(argument))
+                stack.append(GlobalRef(argument))
             case "STACK_GLOBAL":
-                stack.append(Name(" ".join(map(str, self.take(2)))))
+                stack.append(GlobalRef(" ".join(map(str, self.take(2)))))
             case "BINPERSID":
                 stack.append(_storage(*self.take(1)))
             case "REDUCE":
@@ -137,14 +137,14 @@ class _Machine:
                 raise NotPlainError(f"instruction {name}")
 
     def since_mark(self) -> tuple[Any, ...]:
-        """Take what lies above the last mark."""
+        """Take the values above the last mark."""
         height = self.marks.pop()
         taken = tuple(self.stack[height:])
         del self.stack[height:]
         return taken
 
     def take(self, count: int) -> tuple[Any, ...]:
-        """Take the topmost values, in the order in which they were put."""
+        """Take the topmost values, in their original order."""
         if len(self.stack) < count:
             raise NotPlainError("a value is missing")
         taken = tuple(self.stack[-count:])
@@ -160,11 +160,11 @@ class _Machine:
 
 
 def _storage(reference: Any) -> Storage:
-    """Return the storage that a reference means."""
+    """Return the storage that a reference names."""
     if not isinstance(reference, tuple) or len(reference) != 5 or reference[0] != "storage":
         raise NotPlainError("a reference to something else than a storage")
     _, kind, key, _, size = reference
-    module, _, name = kind.text.partition(" ") if isinstance(kind, Name) else ("", "", "")
+    module, _, name = kind.text.partition(" ") if isinstance(kind, GlobalRef) else ("", "", "")
     if module != "torch" or name not in STORAGES:
         raise NotPlainError(f"numbers of kind {getattr(kind, 'text', kind)!r}")
     if not isinstance(key, str) or type(size) is not int:
@@ -173,8 +173,8 @@ def _storage(reference: Any) -> Storage:
 
 
 def _called(function: Any, arguments: Any) -> Any:
-    """Return what one of the two calls that are understood would have built."""
-    text = function.text if isinstance(function, Name) else "something that is no function"
+    """Return the result of one of the two calls that are understood."""
+    text = function.text if isinstance(function, GlobalRef) else "something that is no function"
     if text == ORDERED and arguments == ():
         return {}
     if text != REBUILD:
@@ -189,18 +189,18 @@ def _called(function: Any, arguments: Any) -> Any:
 
 
 LARGEST_INDEX = 2**20
-"""A dictionary of a dozen tensors takes less than a kilobyte [B]."""
+"""Largest index [B]; a dictionary of a dozen tensors takes less than a kilobyte."""
 
 BYTE_ORDERS = {b"little": "<", b"big": ">"}
 
 _BROKEN_INDEX = (ValueError, KeyError, IndexError, TypeError, OverflowError, MemoryError, RecursionError)
-"""What a damaged index raises; `NotPlainError` and `UnicodeDecodeError` are of the first kind."""
+"""Exceptions of a damaged index; `NotPlainError` and `UnicodeDecodeError` are of the first kind."""
 
 
 def read_pace(path: Path) -> Table:
     """Return the tensors as columns, `dof_pos_0` and so on.
 
-    What is neither a vector nor a matrix of as many samples as the time has a fault. Raises `LogError`.
+    An array that is neither a vector nor a matrix of as many samples as the time has a fault. Raises `LogError`.
     """
     content = read_bytes(path)
     if not content.startswith(b"PK"):
@@ -237,8 +237,8 @@ def _numbers(tensor: Tensor, members: dict[str, bytes], folder: str, order: str)
     data = members.get(f"{folder}data/{storage.key}")
     kind = np.dtype(order + storage.kind)
     if data is None or len(data) != storage.size * kind.itemsize:
-        found = "is missing" if data is None else f"has {len(data)} bytes"
-        raise ValueError(f"storage {storage.key[:40]!r} {found}; {storage.size} numbers of {kind} were promised")
+        state = "is missing" if data is None else f"has {len(data)} bytes"
+        raise ValueError(f"storage {storage.key[:40]!r} {state}; {storage.size} numbers of {kind} were promised")
     sizes = (*tensor.shape, *tensor.stride, tensor.offset)
     if len(tensor.shape) != len(tensor.stride) or min(sizes) < 0 or len(tensor.shape) > 8:
         raise ValueError(f"a tensor of shape {tensor.shape} and stride {tensor.stride}")

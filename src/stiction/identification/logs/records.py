@@ -1,6 +1,6 @@
 """Records, one a sample, as columns; and logs in JSON: an object of arrays, a list of records, or a record a line.
 
-Nested names are joined by dots. A JSON file may also be no log at all: what this program and others write is
+Nested names are joined by dots. A JSON file may also be no log at all: files that this program and others write are
 recognised, and named.
 """
 
@@ -23,7 +23,7 @@ from stiction.core.memory import check_ratio, claim
 from stiction.files.tables import Table, table_of
 from stiction.files.text import LONGEST_LINE, MOST_COLUMNS
 
-ARE = (
+KNOWN_FILES = (
     ({"schema_version", "joints"}, "a result of `stiction identify` (joints.json): give the log that it came from"),
     (
         {"model", "actuator", "friction_base"},
@@ -34,24 +34,24 @@ ARE = (
     ({"info", "features"}, "a description of a dataset; the log itself is the .parquet file beside it"),
     ({"codebase_version", "features"}, "the meta/info.json of a LeRobot data set; the log is a .parquet file in data"),
 )
-"""Keys -> what the file is that has them."""
+"""Keys -> kind of the file that has them."""
 
 ROWS = ("records", "data", "samples", "rows", "frames", "log", "messages")
 """Keys under which others keep the list of records."""
 
 
 class Records:
-    """Columns that grow by a record at a time; what is missing in one, or null, is an empty cell."""
+    """Columns that grow by one record at a time; a missing value, or null, is an empty cell."""
 
     def __init__(self, source: str) -> None:
-        """Begin without records; source: what messages call them."""
+        """Start without records; source: name in messages."""
         self.source, self.count = source, 0
         self.columns: dict[str, array] = {}
         self.faults: dict[str, str] = {}
         self.blanks: dict[str, int] = {}
 
     def add(self, cells: Iterable[tuple[str, Any]]) -> None:
-        """Add a record, as names and values. Raises `LogError` where all would take too much."""
+        """Add a record, as names and values. Raises `LogError` where all records would take too much memory."""
         self.count += 1
         seen = 0
         for name, value in cells:
@@ -63,8 +63,8 @@ class Records:
             seen += 1
             # A bool is an int to Python, and no number to a log.
             if isinstance(value, bool) or not isinstance(value, int | float | None):
-                said = f"{self.source}: record {self.count}: {str(value)[:40]!r} in {name!r} is not a number"
-                self.faults.setdefault(name, said)
+                fault = f"{self.source}: record {self.count}: {str(value)[:40]!r} in {name!r} is not a number"
+                self.faults.setdefault(name, fault)
                 value = np.nan
             elif value is None:
                 self.blanks[name] += 1
@@ -94,12 +94,12 @@ class Records:
         """Return the columns; raise `LogError` where there are none."""
         if not self.columns:
             raise LogError(f"{self.source}: no records; expected objects with numbers")
-        found = {name: np.array(column) for name, column in self.columns.items()}
-        return Table(found, (), self.faults, {name: number for name, number in self.blanks.items() if number})
+        columns = {name: np.array(column) for name, column in self.columns.items()}
+        return Table(columns, (), self.faults, {name: number for name, number in self.blanks.items() if number})
 
 
 def read_records(path: Path) -> Table:
-    """Read a log in JSON. Raises `LogError`, which says what the file is where it is no log."""
+    """Read a log in JSON. Raises `LogError`, which names the kind of file where it is no log."""
     try:
         if path.name.lower().removesuffix(".gz").endswith(".json"):
             return _of_document(path)
@@ -150,7 +150,7 @@ def _of_document(path: Path) -> Table:
     # With a byte order mark, as Windows writes it, or without.
     data = json.loads(content.decode("utf-8-sig"))
     if isinstance(data, dict):
-        for keys, what in ARE:
+        for keys, what in KNOWN_FILES:
             if keys <= data.keys():
                 raise LogError(f"{path.name}: this is {what}")
         data = next((data[key] for key in ROWS if isinstance(data.get(key), list)), data)
@@ -172,11 +172,11 @@ def _of_arrays(source: str, data: dict[str, Any]) -> Table:
     for name, value in _leaves(data):
         if isinstance(value, list) and value:
             try:
-                found = np.array(value, dtype=float)
+                array = np.array(value, dtype=float)
             except (ValueError, TypeError):
                 continue
-            if found.ndim <= 2:
-                arrays[name] = found
+            if array.ndim <= 2:
+                arrays[name] = array
     if not arrays:
         keys = ", ".join(str(key)[:30] for key in list(data)[:12])
         raise LogError(
@@ -187,7 +187,7 @@ def _of_arrays(source: str, data: dict[str, Any]) -> Table:
 
 
 def _leaves(data: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield what stands in nested objects, by names joined with dots."""
+    """Yield the values in nested objects, by names joined with dots."""
     for name, value in data.items():
         if isinstance(value, dict):
             yield from _leaves(value, f"{prefix}{name}.")

@@ -1,7 +1,7 @@
-"""What the rows of a log mean: the unit of their stamps, the part that is used, and rows in which nothing was measured.
+"""Meaning of a log's rows: the unit of their stamps, the part that is used, and rows without a measurement.
 
 Cells without a value, rows that come twice, angles that wrap, zeros in place of readings, a last reading that is
-repeated: each is mended where there is one way to mend it, and what was done is noted in the log, a sentence each.
+repeated: each is mended where there is one way to mend it, and noted in the log, a sentence each.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from stiction.identification.logs.titles import TIME_UNITS, unit_of_time
 from stiction.identification.timing import LONGEST_STEP, SHORTEST_STEP, stands_out
 
 USUAL_STEPS, EPOCH = (5e-5, 5e-2), (1e9, 4e9)
-"""Between these lies the step of a log whose unit nobody named [s]: a thousand apart, so that one unit fits; and
-seconds from 1970 to 2001 and to 2096."""
+"""Least and largest step of a log without a unit of time [s]: a thousand apart, so that one unit fits; and seconds
+from 1970 to 2001 and to 2096."""
 
 HELD = ("target", "disturbance")
 """Signals that keep their value until the next one is written."""
@@ -30,22 +30,22 @@ MEASURED = ("position", "velocity", "torque")
 """Roles that an absent drive reports as zero, and a dead one as it was last."""
 
 TURNS, NEAR_TURN = (2 * np.pi, 1.0, 360.0, *(float(2**bits) for bits in range(8, 25))), 0.15
-"""Ranges over which an encoder counts: radians, turns, degrees, and steps of a binary one; share of one by which a jump
-of a wrapped angle may miss it: what the joint moved in a row."""
+"""Ranges over which an encoder counts: radians, turns, degrees, and steps of a binary one; and share of one by which a
+jump of a wrapped angle may miss it: the motion of the joint in a row."""
 
 JUMP, FAR, MOST_ZEROS = 20.0, 3.0, 0.2
-"""Usual steps that a position does not make in one row; within which a reading of zero is where it passes zero. Share
-of rows that may be missing as zeros: more is no log of this joint."""
+"""Usual steps that a position does not make in one row; usual steps about zero within which a reading of zero may be
+real; and share of rows that may be missing as zeros: more is no log of this joint."""
 
 FROZEN, FEWEST_FROZEN = 0.25, 50
 """Time [s], and rows, for which all readings repeat to the last digit before the log is taken to be dead."""
 
 NOISY = 0.5
-"""Share of second differences that change their sign, from which on a torque has noise: two thirds in white noise."""
+"""Share of second differences that change their sign above which a torque has noise: two thirds in white noise."""
 
 
 def check_stamps(source: str, setup: LogSetup) -> None:
-    """Raise `LogError` for a rate, a unit or a part that no stamps have, whether or not the log has use for it."""
+    """Raise `LogError` for an impossible rate, unit or part of stamps, also where the log has no use for it."""
     if setup.rate is not None and not 0 < setup.rate < 1e9:
         raise LogError(f"{source}: a rate of {setup.rate} Hz; expected a positive number of samples per second")
     if setup.time_scale is not None and not 1e-12 <= setup.time_scale <= 1e6:
@@ -58,26 +58,26 @@ def check_stamps(source: str, setup: LogSetup) -> None:
 
 
 def seconds(time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarray, float, tuple[str, ...]]:
-    """Return stamps in seconds, shape (num_samples,), when they begin, and what was taken for granted.
+    """Return stamps in seconds, shape (num_samples,), their start [s], and notes on assumptions.
 
-    name: the column's, which may say its unit; scale: seconds per unit where somebody knows. Large stamps in another
+    name: name of the column, which may contain its unit; scale: seconds per unit if known. Large stamps in another
     unit count from the first, which keeps digits; those of a counter that begins again go on.
     """
-    scale, said = _unit(time, name) if scale is None else (scale, ())
+    scale, notes = _unit(time, name) if scale is None else (scale, ())
     start = 0.0
     if scale != 1.0:
         finite = time[np.isfinite(time)]
         start = float(finite[0]) if len(finite) and abs(float(finite[0])) > 1e9 else 0.0
         time = (time - start) * scale
     time, turned = _unwrapped(time)
-    return time, start * scale, said + turned
+    return time, start * scale, notes + turned
 
 
 def _unit(time: np.ndarray, name: str) -> tuple[float, tuple[str, ...]]:
-    """Return the seconds in a unit of stamps, and how that is known.
+    """Return the seconds in a unit of stamps, and a note on its source.
 
-    By the name of their column; else, where they cannot be seconds, by their size since 1970, or by the step of whole
-    numbers. One by one these may count samples, and nothing is guessed.
+    The source is the name of their column; else, where they cannot be seconds, their size since 1970, or the step of
+    whole numbers. In steps of one these may count samples, and nothing is guessed.
     """
     step, named = _step(time), unit_of_time(name)
     words = {TIME_UNITS[word]: word for word in ("ms", "µs", "ns")}
@@ -93,11 +93,11 @@ def _unit(time: np.ndarray, name: str) -> tuple[float, tuple[str, ...]]:
     fitting = [unit for unit in dated or words if least <= step * unit <= most]
     if len(fitting) != 1 or not (dated or whole):
         return 1.0, ()
-    said = (
+    guess = (
         f"the time stamps were taken to be in {words[fitting[0]]}, one sample every {step * fitting[0]:.4g} s; if that "
         "is wrong, say what they are: --time-scale"
     )
-    return fitting[0], (said,)
+    return fitting[0], (guess,)
 
 
 def _step(time: np.ndarray) -> float:
@@ -108,7 +108,7 @@ def _step(time: np.ndarray) -> float:
 
 
 def _unwrapped(time: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return stamps [s] of a counter that did not begin again, and a note where it had.
+    """Return the unwrapped stamps [s] of a counter that began again, and a note on it.
 
     A step back is a counter's where, on top of its range, it is a usual step, and the stamps cover no more than it.
     """
@@ -125,16 +125,18 @@ def _unwrapped(time: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def with_signals(log: Log, change: Callable[[str, np.ndarray], np.ndarray]) -> Log:
-    """Return a log with every signal changed; change: of a role, or `body's signals`, and the values."""
+    """Return a log with every signal changed; change: function of a role, or `body's signals`, and the values."""
     joints = {
-        name: JointSignals(**{role: change(role, one) for role, one in vars(signals).items() if one is not None})
+        name: JointSignals(
+            **{role: change(role, values) for role, values in vars(signals).items() if values is not None}
+        )
         for name, signals in log.joints.items()
     }
     return replace(log, joints=joints, body=log.body and log.body.each(partial(change, "body's signals")))
 
 
 def take(log: Log, rows: np.ndarray, note: str) -> Log:
-    """Return some samples of a log, and a note why."""
+    """Return some samples of a log, with a note on the reason."""
     taken = with_signals(log, lambda _, values: values[rows])
     return replace(taken, time=log.time[rows], notes=(*log.notes, note))
 
@@ -155,22 +157,22 @@ def cut(log: Log, begin: float | None, end: float | None) -> Log:
 
 
 def complete_rows(log: Log) -> Log:
-    """Return the rows in which every joint has a position, all else brought onto them; what was done is noted.
+    """Return the rows in which every joint has a position, all else brought onto them, with a note.
 
     Tools that merge topics leave cells empty where a topic had nothing to say. A target is held from its last row, as
     its receiver did; velocity and torque are interpolated between theirs. Raises `LogError` where too little is left.
     """
     positions = [signals.position for signals in log.joints.values() if signals.position is not None]
-    there = np.isfinite(np.column_stack([log.time, *positions])).all(axis=1)
-    if there.mean() < 0.05 or not positions:
+    complete = np.isfinite(np.column_stack([log.time, *positions])).all(axis=1)
+    if complete.mean() < 0.05 or not positions:
         raise LogError(
-            f"{log.source}: {int(there.sum())} of {len(there)} rows have a time and the position of every joint; give "
-            "one joint at a time, --columns position=NAME, or log again"
+            f"{log.source}: {int(complete.sum())} of {len(complete)} rows have a time and the position of every joint; "
+            "give one joint at a time, --columns position=NAME, or log again"
         )
-    left, moved = there.copy(), set()
+    left, moved = complete.copy(), set()
 
     def filled(role: str, values: np.ndarray) -> np.ndarray:
-        if not np.isfinite(values[there]).all():
+        if not np.isfinite(values[complete]).all():
             moved.add(role)
             # A signal of the body has several columns.
             values = np.apply_along_axis(_held if role in HELD else partial(_between, log.time), 0, values)
@@ -190,7 +192,7 @@ def complete_rows(log: Log) -> Log:
 
 
 def _held(values: np.ndarray) -> np.ndarray:
-    """Return values with each empty cell as the last before it; NaN before the first."""
+    """Return values with each empty cell filled by the last value before it; NaN before the first."""
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 
@@ -214,11 +216,11 @@ def mend(log: Log) -> Log:
 
 
 def _without_repeats(log: Log) -> Log:
-    """Leave out rows that another one equals in its stamp and in every signal: a message that was sent twice."""
+    """Leave out rows that equal another one in its stamp and in every signal: a message that was sent twice."""
     steps = np.diff(log.time)
     if (steps > 0).all() or (steps < 0).all():
         return log
-    signals = [one for joint in log.joints.values() for one in vars(joint).values() if one is not None]
+    signals = [values for joint in log.joints.values() for values in vars(joint).values() if values is not None]
     _, first = np.unique(np.column_stack([log.time, *signals]), axis=0, return_index=True)
     repeats = len(log.time) - len(first)
     if not repeats or len(first) < 3:
@@ -289,7 +291,7 @@ def _alive(log: Log) -> Log:
     torques = [joint.torque for joint in joints if joint.torque is not None]
     if not torques:
         return log
-    measured = [one for joint in joints for role in MEASURED if (one := getattr(joint, role)) is not None]
+    measured = [values for joint in joints for role in MEASURED if (values := getattr(joint, role)) is not None]
     same = (np.diff(np.column_stack(measured), axis=0) == 0).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int))).reshape(-1, 2)
     since = np.abs(log.time[edges[:, 1]] - log.time[edges[:, 0]])
@@ -298,11 +300,11 @@ def _alive(log: Log) -> Log:
     for start, end in long:
         rest[start:end] = False
     turns = [np.sign(np.diff(np.diff(torque)[rest])) for torque in torques]
-    noisy = any(len(one) > FEWEST_FROZEN and np.mean(one[1:] * one[:-1] < 0) > NOISY for one in turns)
+    noisy = any(len(values) > FEWEST_FROZEN and np.mean(values[1:] * values[:-1] < 0) > NOISY for values in turns)
     moves = [np.diff(joint.target) != 0 for joint in joints if joint.target is not None]
     dead = np.zeros(len(log.time), bool)
     for start, end in long:
-        if noisy or any(np.mean(one[start:end]) > NOISY for one in moves):
+        if noisy or any(np.mean(values[start:end]) > NOISY for values in moves):
             # Of a dead stretch the first reading is one, but at the begin of the log.
             dead[start + (start > 0) : end + 1] = True
     if not dead.any() or dead.all():

@@ -1,7 +1,7 @@
-"""The sidecar to fill in: every field that a log cannot say, with what can be guessed from it, and why.
+"""Sidecar to fill in: every field that a log cannot state, with guesses from the log, and their reasons.
 
-What is null is not known and may stay so: `stiction identify` reads the file as it is. A guess is written down so that
-somebody looks at it; it is not evidence.
+A null field is not known and may stay so: `stiction identify` reads the file as it is. A guess is written down for
+somebody to look at; it is not evidence.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ WHOLE = (
     *("torque_source", "test_condition", "axis", "torque_calibrated", "torque_scale", "position_scale"),
     *("torque_column", "duty_voltage"),
 )
-"""What is usually the same for all joints."""
+"""Fields that are usually the same for all joints."""
 
 EACH = (
     *("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay", "kt", "resistance", "ke"),
     *("pendulum_mass", "pendulum_length", "pendulum_angle"),
 )
-"""What joints differ in."""
+"""Fields that differ between joints."""
 
 
 def write_sidecar(path: Path, declared: LogSetup | None = None, joint: str | None = None) -> str:
-    """Write the sidecar of a log beside it; return what was guessed, for people. Raises `StictionError`.
+    """Write the sidecar of a log next to it; return the guesses, for people. Raises `StictionError`.
 
-    declared: what is known of the log, which is written as it is; joint: the name to give the joint of a log without
+    declared: known facts about the log, which are written as they are; joint: name for the joint of a log without
     names.
     """
     # The folder that one stands in has no name to call a sidecar by.
     target = sidecar_of(path if path.name else path.absolute())
     if target.exists():
         raise FileError(f"{target} is there already; fill it in, or move it away and ask again")
-    data, said = propose(path, declared, joint)
+    data, guesses = propose(path, declared, joint)
     write_text(target, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
     command = f"stiction identify {path}" + (f" --joint {joint}" if joint else "")
     lines = [f"{target}: fill in what is null, look at what was guessed, then: {command}"]
-    return "\n".join([*lines, *(f"  {line}" for line in said)])
+    return "\n".join([*lines, *(f"  {line}" for line in guesses)])
 
 
 def propose(path: Path, declared: LogSetup | None = None, joint: str | None = None) -> tuple[dict[str, Any], list[str]]:
-    """Return the sidecar's content and what was guessed, a sentence each. Raises `LogError` where nothing fits.
+    """Return the sidecar's content and the guesses, a sentence each. Raises `LogError` where nothing fits.
 
-    What was declared goes before every guess, of each joint too.
+    Declared values go before every guess, for each joint too.
     """
     declared = declared or LogSetup()
     log, columns = _opened(path, declared, joint)
@@ -63,20 +63,20 @@ def propose(path: Path, declared: LogSetup | None = None, joint: str | None = No
     positions = [signals.position for signals in log.joints.values() if signals.position is not None]
     if not positions:
         raise LogError(f"{log.source}: no joint has a position; map a column to it: position=NAME")
-    known, said = declared.to_dict(), []
+    known, guesses = declared.to_dict(), []
     data: dict[str, Any] = dict.fromkeys(WHOLE) | {"axis": "rotary"} | ({"columns": columns} if columns else {})
     if columns != declared.columns:
         listing = ", ".join(f"{role} is {name}" for role, name in columns.items())
-        said.append(f"columns: guessed from their names, {listing}")
-        said += _of_torque(columns.get("torque", ""), data, known)
+        guesses.append(f"columns: guessed from their names, {listing}")
+        guesses += _of_torque(columns.get("torque", ""), data, known)
     if not declared.names and all(name.startswith("joint_") for name in log.joints):
         data["names"] = list(log.joints)
-        said.append("names: the log numbers its joints; give them their names, in its order")
+        guesses.append("names: the log numbers its joints; give them their names, in its order")
     finite = [values[np.isfinite(values)] for values in positions]
     reach = max((float(np.ptp(values)) for values in finite if len(values)), default=0.0)
     if reach > LARGEST_REACH and declared.position_scale is None and declared.axis != "linear":
         data["position_scale"] = 0.0174533
-        said.append(f"position_scale: the positions cover {reach:.4g}, so they are taken for degrees")
+        guesses.append(f"position_scale: the positions cover {reach:.4g}, so they are taken for degrees")
     angle, torque = (data | known)["position_scale"] or 1.0, declared.torque_scale or 1.0
     # A voltage or a duty is no torque, and shows neither its gains nor its limit.
     held = (data | known)["torque_column"] or ("torque" if declared.duty_voltage is None else "duty")
@@ -91,17 +91,19 @@ def propose(path: Path, declared: LogSetup | None = None, joint: str | None = No
         for field, value, why in _guesses(JointSignals(**scaled), log.time):
             if field in joints[name]:
                 joints[name][field] = float(f"{value:.3g}")  # it is a guess
-                said.append(f"{field} of {name}: {why}")
+                guesses.append(f"{field} of {name}: {why}")
     data |= next(iter(joints.values())) if len(joints) == 1 else {"joints": joints}
-    return data | known, said + [f"read: {note}" for note in log.notes]
+    return data | known, guesses + [f"read: {note}" for note in log.notes]
 
 
 def _opened(path: Path, declared: LogSetup, joint: str | None) -> tuple[Log, dict[str, str]]:
     """Return a log and the mapping of its columns, guessed from their names where it cannot be read without one."""
     columns = dict(declared.columns)
-    given: dict[str, Any] = {name: getattr(declared, name) for name in ("names", "rate", "time_scale", "begin", "end")}
+    options: dict[str, Any] = {
+        name: getattr(declared, name) for name in ("names", "rate", "time_scale", "begin", "end")
+    }
     try:
-        return open_log(path, columns, joint, **given), columns
+        return open_log(path, columns, joint, **options), columns
     except LogError:
         if columns or suffix_of(path) in BAGS or not path.is_file():
             raise
@@ -109,11 +111,11 @@ def _opened(path: Path, declared: LogSetup, joint: str | None) -> tuple[Log, dic
         columns = guess_columns([name for name in table.columns if name not in table.faults])
         if not columns:
             raise
-    return open_log(path, columns, joint, **given), columns
+    return open_log(path, columns, joint, **options), columns
 
 
 def _of_torque(title: str, data: dict[str, Any], known: dict[str, Any]) -> list[str]:
-    """Set what a column of torque holds by the name that was guessed for it, where nobody said it; return why."""
+    """Set the content of the torque column by its guessed name, where it was not declared; return the reason."""
     drive = DRIVES.get(title.lower().replace("{joint}", "").strip("_. "))
     if drive is not None and "torque_column" not in known:
         data["torque_column"] = drive
@@ -126,31 +128,31 @@ def _of_torque(title: str, data: dict[str, Any], known: dict[str, Any]) -> list[
 
 
 def _guesses(signals: JointSignals, time: np.ndarray) -> list[tuple[str, float, str]]:
-    """Return field, value and reason of what a joint's torque shows: its limit, and the gains of the PD law it follows.
+    """Return field, value and reason for a joint's torque limit, and for the gains of its torque's PD law.
 
     signals: in SI units, of which those at `time` [s] that are no numbers show nothing.
     """
-    found: list[tuple[str, float, str]] = []
+    guesses: list[tuple[str, float, str]] = []
     position, torque, velocity = signals.position, signals.torque, signals.velocity
     if torque is None:
-        return found
+        return guesses
     size = np.abs(torque[np.isfinite(torque)])
     # Little less than the largest is not the largest: a sine stays near its peak, too.
     at_limit = np.mean(size > (1 - 1e-6) * size.max()) if len(size) and size.max() > 0 else 0.0
     if at_limit > 0.005:
-        found.append(("torque_limit", float(size.max()), f"{at_limit:.1%} of the torques are its largest"))
+        guesses.append(("torque_limit", float(size.max()), f"{at_limit:.1%} of the torques are its largest"))
     if signals.target is None or position is None or len(time) < 100:
-        return found
+        return guesses
     if velocity is None and (np.diff(time) > 0).all():
         velocity = np.gradient(position, time)
     # Squares of what is beyond are no numbers.
     if velocity is None or not (np.abs([signals.target, position, velocity, torque]) < LARGEST_NUMBER).all():
-        return found
+        return guesses
     columns = np.column_stack([signals.target - position, -velocity])
     gains, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     rest = float(np.var(torque - columns @ gains))
     # Of a torque that is explained so far it is the controller's own.
     if rest <= 0.01 * float(np.var(torque)) and gains[0] > 0 and gains[1] >= 0:
         law = "the torque is kp (target - position) - kd velocity to within a tenth"
-        found += [("kp", float(gains[0]), law), ("kd", float(gains[1]), law)]
-    return found
+        guesses += [("kp", float(gains[0]), law), ("kd", float(gains[1]), law)]
+    return guesses

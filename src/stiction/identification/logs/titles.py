@@ -1,4 +1,4 @@
-"""What the title of a column says: its unit, whether it is the time, and what it may be called elsewhere."""
+"""Titles of columns: their units, the column of time, and usual names of signals."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy as np
 from stiction.files.log import JointSignals, LogSetup
 
 PLACE = "{joint}"
-"""What stands for the joint in a pattern."""
+"""Placeholder for the joint in a pattern."""
 
 TIMES = ("time", "timestamps", "timestamp", "t")
-"""Names that the time has where no mapping says otherwise, the first that fits counts."""
+"""Usual names of the time's column; the first that fits counts."""
 
 OTHER_TIMES = re.compile(
     r"(__|elapsed[_ ]?)?(time|timestamps?|t|stamp|tick|index_time)[_ ]*[\[(]?(s|sec|ms|us|µs|ns)?[\])]?"
 )
-"""What a column of time is called by others, in lower case, with its unit."""
+"""Other names of a column of time, in lower case, with its unit."""
 
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 """Unit in a column's name -> seconds."""
@@ -39,20 +39,20 @@ UNITS = {
     )
     for unit in units.split()
 }
-"""Unit in brackets behind a title, in lower case and without blanks -> kind of signal, and what one of it is in SI."""
+"""Unit in brackets behind a title, in lower case and without blanks -> kind of signal, and its size in SI."""
 
 TITLE = re.compile(r"\s*(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
-"""A title with something in brackets behind it."""
+"""Title with something in brackets behind it."""
 
 SUFFIX = re.compile(r".*_(deg|degrees|rpm|mnm)", re.IGNORECASE)
-"""A title that ends in a unit which is not SI."""
+"""Title that ends in a unit which is not SI."""
 
 DRIVES = dict.fromkeys(("pwm", "duty", "duty_cycle", "present_pwm"), "duty")
 DRIVES |= dict.fromkeys(("voltage", "motor_voltage", "volts"), "voltage")
-"""Names of what drove a motor that are no torque -> what the column holds then."""
+"""Names of a motor's drive other than torque -> content of the column."""
 
 CURRENTS = ("current", "iq", "load", "present_current")
-"""Names of torque that is not in N m."""
+"""Names of torque columns that are not in N m."""
 
 GUESSES = {
     "position": ["q", "qm", "qpos", "pos", "angle", "theta", "joint_position", "actual_position", "present_position"],
@@ -81,14 +81,14 @@ def _plain(unit: str) -> str:
     return unit.lower().replace(" ", "")
 
 
-def bare_titles(names: Collection[str], roles: Collection[str], kept: Collection[str]) -> dict[str, tuple[str, str]]:
+def bare_titles(names: Collection[str], roles: Collection[str], mapped: Collection[str]) -> dict[str, tuple[str, str]]:
     """Return title without a unit -> its column and that unit, which may be empty.
 
-    The first letter of a role, one of `roles`, may be a capital one. kept: columns or patterns of a mapping, which
+    The first letter of a role, one of `roles`, may be a capital one. mapped: columns or patterns of a mapping, which
     names titles as they are.
     """
-    whole = {word for name in kept for word in (name, *name.split(","))}
-    as_they_are = any(PLACE in name for name in kept)
+    whole = {word for name in mapped for word in (name, *name.split(","))}
+    as_they_are = any(PLACE in name for name in mapped)
     titles: dict[str, tuple[str, str]] = {}
     for name in names:
         title, unit = name, ""
@@ -106,7 +106,7 @@ def bare_titles(names: Collection[str], roles: Collection[str], kept: Collection
 
 
 def by_units(signals: JointSignals, units: Mapping[str, str]) -> tuple[JointSignals, LogSetup, tuple[str, ...]]:
-    """Return signals whose angles have the position's unit, the scales of a setup, and what the titles said.
+    """Return signals whose angles have the position's unit, the scales of a setup, and notes on the units.
 
     units: role -> unit in its title.
     """
@@ -127,24 +127,24 @@ def by_units(signals: JointSignals, units: Mapping[str, str]) -> tuple[JointSign
     for role, (_, factor) in known.items():
         if factor != 1.0:
             odd.setdefault(units[role], []).append(role)
-    said = tuple(f"{' and '.join(roles)} in {unit}, as the title says" for unit, roles in odd.items())
-    return replace(signals, **changed), setup, said
+    notes = tuple(f"{' and '.join(roles)} in {unit}, as the title says" for unit, roles in odd.items())
+    return replace(signals, **changed), setup, notes
 
 
 def guess_columns(names: Collection[str]) -> dict[str, str]:
-    """Return role -> the column, or the pattern of columns, that is called as such a thing often is."""
-    found: dict[str, str] = {}
+    """Return role -> column, or pattern of columns, with a usual name of that role."""
+    guessed: dict[str, str] = {}
     for role, guesses in GUESSES.items():
         for name in names:
             bare = re.sub(r"\s*[\[(].*[\])]$", "", name).strip().lower()
             number = re.search(r"\d{1,3}$", bare)
             stem = bare[: number.start()].rstrip("_. ") if number else bare
             if bare in guesses:
-                found.setdefault(role, name)
+                guessed.setdefault(role, name)
             elif number and stem in guesses:
                 place = name.lower().index(stem) + len(stem)
-                found.setdefault(role, re.sub(r"\d{1,3}", PLACE, name[place:], count=1).join([name[:place], ""]))
-    if "position" not in found or len({PLACE in name for name in found.values()}) != 1:
+                guessed.setdefault(role, re.sub(r"\d{1,3}", PLACE, name[place:], count=1).join([name[:place], ""]))
+    if "position" not in guessed or len({PLACE in name for name in guessed.values()}) != 1:
         return {}
     time = find_time(names)
-    return ({"time": time} if time and time not in TIMES else {}) | found
+    return ({"time": time} if time and time not in TIMES else {}) | guessed

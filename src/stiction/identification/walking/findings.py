@@ -1,6 +1,6 @@
-"""What makes the fit of a walk invalid, joint by joint or not: a log that contradicts the robot's model, or itself.
+"""Errors that make the fit of a walk invalid: a log that contradicts the robot's model, or itself.
 
-Legs in swing tell friction, and little else. The rest of the walk tells whether the log is what it was said to be:
+Legs in swing tell friction, and little else. The rest of the walk tells whether the log is as declared:
 feet on the ground turn against the base as the gyroscope says, feet in the air carry nothing, and on average those on
 the ground carry the robot's weight. Each takes the model, all angles, and what the motors give.
 """
@@ -22,7 +22,7 @@ from stiction.identification.walking.walk import BEARING, Walk, foot_positions, 
 from stiction.robots.model import GRAVITY
 
 TURNS = (0.25, 1.5)
-"""Roll and pitch of the base by the feet on the ground over the gyroscope's, outside of which the two are of different
+"""Roll and pitch of the base by the feet on the ground over the gyroscope's, outside of which they are of different
 motions. In simulated walks it was 0.6 to 1.1, and 0.3 to 1.1 with contact by torque."""
 
 RATES = (0.7, 1.4)
@@ -30,49 +30,49 @@ RATES = (0.7, 1.4)
 median of joints. Filters and noise leave 0.9 to 1.0."""
 
 STANDING = 0.2
-"""Share of the weight that a foot bears, from which on it is taken to stand still on the ground [1]."""
+"""Share of the weight above which a foot is taken to stand still on the ground [1]."""
 
 EDGE = 0.02
-"""Time after lift-off and before touch-down in which a foot is looked at by itself [s]: contact that comes late shows
+"""Time after lift-off and before touch-down in which a foot is judged by itself [s]: contact that comes late shows
 there alone, and a foot that swings bears hardly any weight by then."""
 
 FEWEST_BLOCKS = 4
-"""Half seconds, or swings, from which on their spread says something."""
+"""Fewest half seconds, or swings, for their spread to mean something."""
 
 LATE = 1.5
-"""Lateness of the torque beyond which it is none of the declared bound, over that bound [1]; the median of joints."""
+"""Lateness of the torque over its declared bound above which it contradicts that bound [1]; the median of joints."""
 
 Fits = Sequence[PriorFit | None]
-"""What is known of each joint of a robot, None where nothing is."""
+"""Fit of each joint of a robot, None where there is none."""
 
 
 def check_walk(walk: Walk, fits: Fits) -> tuple[tuple[Finding, ...], Estimate | None]:
-    """Hold a walk against the robot and against itself.
+    """Check a walk against the robot and against itself.
 
-    Returns what makes every joint's fit invalid, the plainest first, and what the motors hold on the ground over the
-    robot's weight [1], None where no foot stands long enough.
+    Returns the errors that make every joint's fit invalid, the plainest first, and the weight that the motors hold on
+    the ground over the robot's [1], None where no foot stands long enough.
     """
-    own, vague = _own_torque(walk, fits)
+    losses, vague = _lost_torque(walk, fits)
     upward = walk.upward_map / (GRAVITY * (walk.spec.mass + walk.setup.payload))
     # Upward force of the ground on each foot over the robot's weight, and how vague it is, (T, L) each.
-    force = np.einsum("tlj,tj->tl", upward, walk.effort[0] + own - walk.torque)
+    force = np.einsum("tlj,tj->tl", upward, walk.effort[0] + losses - walk.torque)
     least = force - np.einsum("tlj,tj->tl", np.abs(upward), vague)
     pull = np.einsum("ti,ti->t", walk.base.pull, walk.upward) / GRAVITY
     weight = _slope(pull, force.sum(axis=1), walk.blocks(BLOCK))
-    found = (
+    checks = (
         _rates(walk),
         _turns(walk, walk.down & (smooth(least, walk.weights) > STANDING)),
         _swing(walk, force, least, fits),
         None if weight is None else _carried(walk, weight),
         _late(walk, fits),
     )
-    return tuple(one for one in found if one is not None), weight
+    return tuple(finding for finding in checks if finding is not None), weight
 
 
 def joint_errors(fit: PriorFit, accelerometer: bool) -> Iterator[Finding]:
-    """Yield what makes one joint's fit invalid: friction below zero, or none that is shown.
+    """Yield errors that make one joint's fit invalid: friction below zero, or friction that is not shown.
 
-    accelerometer: whether there was one; what the base's acceleration does is else taken for viscous friction.
+    accelerometer: True if there was one; otherwise the base's acceleration is taken for viscous friction.
     """
     for name in ("viscous_friction", "coulomb_friction") if accelerometer else ("coulomb_friction",):
         remedy = "log for longer, at different speeds; check the torques, and the contact (--contact)"
@@ -80,20 +80,20 @@ def joint_errors(fit: PriorFit, accelerometer: bool) -> Iterator[Finding]:
     yield from no_friction_shown(JointRecord(), fit.estimate("coulomb_friction"))
 
 
-def _own_torque(walk: Walk, fits: Fits) -> tuple[np.ndarray, np.ndarray]:
-    """Return what rotors and friction take of the motors' torque, and how vague that is [N m], shape (T, J) each.
+def _lost_torque(walk: Walk, fits: Fits) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque that rotors and friction take of the motors', and its uncertainty [N m], shape (T, J) each.
 
-    Friction of a joint that hardly moves may be anything up to its dry friction. Where that is not known it is taken to
-    be the others' median share of the torque limit.
+    Friction of a joint that hardly moves may be anything up to its dry friction. Where that is not known it follows
+    from the median share of the torque limit over the other joints.
     """
     known = {number: fit.values[:3] for number, fit in enumerate(fits) if fit is not None}
     share = float(np.median([abs(values[2]) / walk.limits[number] for number, values in known.items()]))
-    own, vague = np.zeros_like(walk.torque), np.tile(share * walk.limits, (len(walk), 1))
+    losses, vague = np.zeros_like(walk.torque), np.tile(share * walk.limits, (len(walk), 1))
     for joint, (armature, viscous, coulomb) in known.items():
         rate = walk.rate[:, joint]
-        own[:, joint] = armature * walk.acceleration[:, joint] + viscous * rate + coulomb * np.sign(rate)
+        losses[:, joint] = armature * walk.acceleration[:, joint] + viscous * rate + coulomb * np.sign(rate)
         vague[:, joint] = abs(coulomb) * walk.resting[:, joint]
-    return own, vague
+    return losses, vague
 
 
 def _slope(x: np.ndarray, y: np.ndarray, block: np.ndarray) -> Estimate | None:
@@ -104,7 +104,7 @@ def _slope(x: np.ndarray, y: np.ndarray, block: np.ndarray) -> Estimate | None:
 
 
 def _rates(walk: Walk) -> Finding | None:
-    """Object to velocities that are another multiple of the rates of the angles."""
+    """Return an error for velocities that are another multiple of the rates of the angles."""
     rate, logged = smooth(walk.rate, walk.weights), smooth(walk.log.joint_velocity, walk.weights)
     moves = np.sqrt(np.mean(rate**2, axis=0)) > walk.setup.slow
     ratios = np.sum(rate * logged, axis=0)[moves] / np.sum(rate**2, axis=0)[moves]
@@ -119,26 +119,26 @@ def _rates(walk: Walk) -> Finding | None:
 
 
 def _turns(walk: Walk, standing: np.ndarray) -> Finding | None:
-    """Object to feet on the ground that turn about the base otherwise than the gyroscope says.
+    """Return an error for feet on the ground that turn about the base otherwise than the gyroscope says.
 
-    Of two feet that stand the distance p turns with the world, p' = -ω × p in the base frame. Along up this holds for
+    The distance p of two standing feet turns with the world, p' = -ω × p in the base frame. Along up this holds for
     feet that slip, too. standing: bool, shape (T, L).
     """
     place = foot_positions(walk.spec, walk.links)
     moved, block = np.gradient(place, walk.period, axis=0), walk.blocks(BLOCK)
     parts = []
-    for other, one in combinations(range(len(walk.spec.feet)), 2):
+    for second, first in combinations(range(len(walk.spec.feet)), 2):
         # By half a window: no smoothed sample has one in it at which a foot did not stand.
-        both = ~grow(~(standing[:, one] & standing[:, other]), len(walk.weights) // 2)
-        said = -crosses(walk.base.spin, place[:, one] - place[:, other])
-        rates = np.stack([said, moved[:, one] - moved[:, other]], axis=1)
+        both = ~grow(~(standing[:, first] & standing[:, second]), len(walk.weights) // 2)
+        expected = -crosses(walk.base.spin, place[:, first] - place[:, second])
+        rates = np.stack([expected, moved[:, first] - moved[:, second]], axis=1)
         parts.append(np.column_stack([smooth(np.einsum("tki,ti->tk", rates, walk.upward), walk.weights), block])[both])
     turn = _slope(*np.concatenate(parts).T) if parts else None
     if turn is None or (turn.interval95[0] <= TURNS[1] and turn.interval95[1] >= TURNS[0]):
         return None
     return Finding(
         "turns",
-        f"by the joints' angles the base turns over the feet on the ground {_said(turn)} times as fast as its "
+        f"by the joints' angles the base turns over the feet on the ground {_with_interval(turn)} times as fast as its "
         "gyroscope says: angles, their order or signs, the stamps, the gyroscope's unit or the IMU's axes are not as "
         "declared",
         "check --names, --joint-map, --position-scale, --time-scale and the rate, the IMU's axes and unit, and that "
@@ -147,13 +147,13 @@ def _turns(walk: Walk, standing: np.ndarray) -> Finding | None:
 
 
 def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Finding | None:
-    """Object to a foot that is said to swing and bears load, by the motors' torque, on average or at a swing's ends.
+    """Return an error for a foot in swing that bears load, by the motors' torque, on average or at a swing's ends.
 
     force, least: on each foot over the weight, (T, L). The ends of a swing, where joints turn round and friction is
-    vague, are looked at only of feet that hang on joints of known friction.
+    vague, are judged only for feet that hang on joints of known friction.
     """
     margin, edge = round(walk.setup.swing_margin / walk.period), round(EDGE / walk.period)
-    found: list[tuple[float, str, Estimate]] = []
+    loaded: list[tuple[float, str, Estimate]] = []
     for number, foot in enumerate(walk.spec.feet):
         phase = swings(walk.down[:, number], margin)
         parts = [(phase, force)]
@@ -168,10 +168,10 @@ def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Find
         for part, load in parts:
             borne = _slope(np.ones(int((part > 0).sum())), load[part > 0, number], part[part > 0])
             if borne is not None and borne.interval95[0] > BEARING:
-                found.append((borne.value, foot.name, borne))
-    if not found:
+                loaded.append((borne.value, foot.name, borne))
+    if not loaded:
         return None
-    _, name, borne = max(found, key=lambda one: one[0])
+    _, name, borne = max(loaded, key=lambda item: item[0])
     low, high = borne.interval95
     return Finding(
         "swing_load",
@@ -184,14 +184,14 @@ def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Find
 
 
 def _carried(walk: Walk, weight: Estimate) -> Finding | None:
-    """Object to torques that hold another weight than the robot's."""
+    """Return an error for torques that hold another weight than the robot's."""
     (low, high), most = weight.interval95, SERIOUS + (0 if walk.measured_torque else walk.setup.strength_error)
     if low <= 1 + most and high >= 1 - most:
         return None
     source, flag = ("torques", "--torque-scale") if walk.measured_torque else ("gains", "--kp, --kd")
     return Finding(
         "weight",
-        f"on the ground the motors hold {_said(weight)} times the robot's weight, "
+        f"on the ground the motors hold {_with_interval(weight)} times the robot's weight, "
         f"{walk.spec.mass + walk.setup.payload:.3g} kg: the {source}, the masses and lengths of --robot or its load "
         "are not as declared, a torque was cut off, or something else held the robot",
         f"check {flag}, that --robot is the robot that walked, and the joints' names; weigh it, and declare what it "
@@ -200,7 +200,7 @@ def _carried(walk: Walk, weight: Estimate) -> Finding | None:
 
 
 def _late(walk: Walk, fits: Fits) -> Finding | None:
-    """Object to torque that is later, or earlier, against the angles than was declared."""
+    """Return an error for torque that is later, or earlier, against the angles than was declared."""
     late = [fit.value("lateness") for fit in fits if fit is not None]
     middle, bound = float(np.median(late)) if late else 0.0, walk.setup.timing_error * walk.period
     if abs(middle) <= LATE * bound or not walk.measured_acceleration:
@@ -213,6 +213,6 @@ def _late(walk: Walk, fits: Fits) -> Finding | None:
     )
 
 
-def _said(ratio: Estimate) -> str:
+def _with_interval(ratio: Estimate) -> str:
     """Return a ratio and its interval in words."""
     return f"{ratio.value:.3g} ({ratio.interval95[0]:.3g} to {ratio.interval95[1]:.3g})"

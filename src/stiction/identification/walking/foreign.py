@@ -1,7 +1,7 @@
-"""A log with its own columns, of a robot that walked, as a walk: matched, checked, even in time.
+"""Walk from a log with its own columns: matched, checked, even in time.
 
-Torque is taken as sampled at its own stamp, where the second difference of the angle is too. What the file does not say
-of the motors comes from flags or its sidecar; torque limits, where nobody said them, from the robot.
+Torque is taken as sampled at its own stamp, where the second difference of the angle is too. Facts about the motors
+that the file lacks come from flags or its sidecar; undeclared torque limits come from the robot.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from stiction.identification.walking.walk import LONGEST_PERIOD, SHORTEST, Walk,
 from stiction.robots.model import Robot
 
 FEWEST_SAMPLES = 100
-"""Fewer are no second of a walk at any rate that is admitted."""
+"""Fewest samples of a log: fewer are no second of a walk at any rate that is admitted."""
 
 LOUDEST = 1.5
-"""Torque over the motor's limit beyond which it is not in N m, or not this robot's [1]."""
+"""Torque over the motor's limit above which it is not in N m, or not this robot's [1]."""
 
 UNPLACED = 0.05
-"""How far from the base's origin an IMU may be along each axis where nobody said where it is [m]; 95 % bound. A Go2's
+"""Largest distance of an IMU of unknown place from the base's origin along each axis [m]; 95 % bound. A Go2's
 is 4 cm above it and 3 cm behind. A choice."""
 
 UNLOADED = 0.2
-"""Where between the least and the largest force of a foot it begins to bear load [1]."""
+"""Share between the least and the largest force of a foot above which it bears load [1]."""
 
 LEAST_AGREEMENT = 0.2
-"""Correlation between a foot's force and its being low under which the force is not this foot's [1]."""
+"""Correlation between a foot's force and its being low below which the force is not this foot's [1]."""
 
 
 def foreign_walk(
@@ -51,9 +51,9 @@ def foreign_walk(
 ) -> Walk:
     """Return the walk in a log with its own columns, of the robot `spec`.
 
-    declared: how the log was made, as for a joint's log; recorded: names and the IMU's place; setup: of the walk.
-    Raises `LogError` where joints do not match, something that must be known is missing, or what is there contradicts
-    itself.
+    declared: set-up of the log, as for a joint's; recorded: names and the IMU's place; setup: of the walk.
+    Raises `LogError` where joints do not match, a necessary signal is missing, or the signals contradict one
+    another.
     """
     declared, recorded = declared or IdentifySetup(), recorded or RobotLogSetup()
     names = match_names(log, spec, recorded.joint_map)
@@ -67,9 +67,9 @@ def foreign_walk(
         return np.stack([resample(grid, column, held) for column in values.T], axis=1)[part]
 
     setups = [declared.with_sidecar(log.setup_of(name)) for name in names]
-    for one in setups:
-        one.check_torque_limit()
-    signals = [in_si(log.joints[name], one) for name, one in zip(names, setups, strict=True)]
+    for item in setups:
+        item.check_torque_limit()
+    signals = [in_si(log.joints[name], item) for name, item in zip(names, setups, strict=True)]
     position, velocity, target, torque = (
         _column(signals, role) for role in ("position", "velocity", "target", "torque")
     )
@@ -77,7 +77,7 @@ def foreign_walk(
     assert position is not None
     position = even(position)
     if torque is not None:
-        torque = even(torque) * [one.torque_scale or 1.0 for one in setups]
+        torque = even(torque) * [item.torque_scale or 1.0 for item in setups]
         _refuse_loud(log.source, torque, header)
     elif target is None or 0.0 in header.kp:
         raise LogError(
@@ -88,7 +88,7 @@ def foreign_walk(
         body = replace(body, quaternion=continuous(body.quaternion))
     imu, concluded = base_imu(log.source, body.each(even), grid.step, recorded.imu_position)
     assert imu.quaternion is not None and imu.gyroscope is not None
-    contact, said = _contact(log.source, imu, position, spec)
+    contact, contact_notes = _contact(log.source, imu, position, spec)
     walk = WalkLog(
         header,
         time=np.arange(len(position)) * grid.step,
@@ -101,7 +101,7 @@ def foreign_walk(
         specific_force=imu.accelerometer,
         foot_contact=contact,
     )
-    notes = (*notes_of(log, setups[0]), *timing.warnings(), *cut, *concluded, *said)
+    notes = (*notes_of(log, setups[0]), *timing.warnings(), *cut, *concluded, *contact_notes)
     unplaced = recorded.imu_position is None and imu.accelerometer is not None
     return Walk(walk, spec, setup or WalkSetup(), notes, True, UNPLACED if unplaced else 0.0)
 
@@ -112,18 +112,18 @@ def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]
     Joints that the robot holds are left out; see `match_joints`.
     """
     numbers = match_joints(log, spec.name, spec.joint_names, pairs, [joint.name for joint in spec.held])
-    found = {number: recorded for recorded, number in numbers.items()}
-    missing = [name for number, name in enumerate(spec.joint_names) if number not in found]
+    names = {number: recorded for recorded, number in numbers.items()}
+    missing = [name for number, name in enumerate(spec.joint_names) if number not in names]
     if missing:
         raise LogError(
             f"{log.source}: robot {spec.name!r} has the joint {missing[0]!r}, the log has not; expected all joints of "
             "the robot that walked: name it with --robot, or say which joint is which, --joint-map RECORDED=JOINT"
         )
-    return [found[number] for number in range(spec.num_joints)]
+    return [names[number] for number in range(spec.num_joints)]
 
 
 def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
-    """Refuse a log of next to nothing, joints without a position, and numbers that are none."""
+    """Reject a log that is too short, joints without a position, and numbers that are not finite."""
     if len(log.time) < FEWEST_SAMPLES:
         raise LogError(f"{log.source}: {len(log.time)} samples; expected at least {SHORTEST:g} s of a walk")
     arrays = [("time", log.time)]
@@ -140,28 +140,28 @@ def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
 
 
 def _longest_part(grid: Grid) -> tuple[slice, tuple[str, ...]]:
-    """Return the longest part of the grid without a long gap, and what was left out."""
+    """Return the longest part of the grid without a long gap, and a note on the rest."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], grid.valid.astype(int), [0]))))
     if not len(edges):
         return slice(0, 0), ()
     first, last = max(edges.reshape(-1, 2).tolist(), key=lambda ends: ends[1] - ends[0])
     if last - first == len(grid.times):
         return slice(first, last), ()
-    said = f"the longest part without a gap is used, {first * grid.step:.4g} to {last * grid.step:.4g} s of the log"
-    return slice(first, last), (said,)
+    note = f"the longest part without a gap is used, {first * grid.step:.4g} to {last * grid.step:.4g} s of the log"
+    return slice(first, last), (note,)
 
 
 def _refuse_slow(log: Log, names: list[str], body: BodySignals, step: float, length: float) -> None:
-    """Refuse what is too short, and what comes too seldom for the acceleration of a leg in swing."""
+    """Reject a walk that is too short, and signals too slow for the acceleration of a leg in swing."""
     positions = np.stack([log.joints[name].position for name in names], axis=1)  # type: ignore[misc]
     # A log may be written faster than its signals come, which then repeat themselves.
     periods = {"the log": step, "the joints' positions": step / _fresh(positions)}
     if body.gyroscope is not None:
         periods["the IMU"] = max(body.period or 0.0, step / _fresh(body.gyroscope))
-    for what, period in periods.items():
+    for signal, period in periods.items():
         if period > 1.01 * LONGEST_PERIOD:
             raise LogError(
-                f"{log.source}: {what} came {1 / period:.0f} times a second; expected {1 / LONGEST_PERIOD:.0f} or "
+                f"{log.source}: {signal} came {1 / period:.0f} times a second; expected {1 / LONGEST_PERIOD:.0f} or "
                 "more: a swing lasts some 0.2 s and the joint's controller changes its torque within milliseconds, so "
                 "that between slower samples neither acceleration nor torque is known, and friction would be stated "
                 "wrongly: log at the rate of the joint controllers, 200 to 1000 Hz"
@@ -177,14 +177,14 @@ def _fresh(values: np.ndarray) -> float:
 
 def _column(signals: list[JointSignals], role: str) -> np.ndarray | None:
     """Return a signal of all joints, shape (T, J); None where a joint has none."""
-    columns = [getattr(one, role) for one in signals]
+    columns = [getattr(joint, role) for joint in signals]
     return None if any(column is None for column in columns) else np.stack(columns, axis=1)
 
 
 def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) -> WalkHeader:
-    """Return what the signals do not contain; gains that were not declared are 0."""
+    """Return the header of a walk, which its signals do not contain; gains that were not declared are 0."""
     limits = spec.joint_values("torque_limit").tolist()
-    sources = {one.torque_source for one in setups}
+    sources = {setup.torque_source for setup in setups}
     if len(sources) > 1:
         raise LogError(f"{source}: torque sources differ between joints; expected one for all, --torque-source")
     return WalkHeader(
@@ -192,15 +192,15 @@ def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) 
         joint_names=spec.joint_names,
         foot_names=spec.foot_names,
         period=step,
-        kp=tuple(one.kp or 0.0 for one in setups),
-        kd=tuple(one.kd or 0.0 for one in setups),
-        torque_limit=tuple(one.torque_limit or limit for one, limit in zip(setups, limits, strict=True)),
+        kp=tuple(setup.kp or 0.0 for setup in setups),
+        kd=tuple(setup.kd or 0.0 for setup in setups),
+        torque_limit=tuple(setup.torque_limit or limit for setup, limit in zip(setups, limits, strict=True)),
         torque_source=sources.pop(),
     )
 
 
 def _refuse_loud(source: str, torque: np.ndarray, header: WalkHeader) -> None:
-    """Refuse torques that these motors cannot give."""
+    """Reject torques that these motors cannot give."""
     share = np.quantile(np.abs(torque), 0.99, axis=0) / header.torque_limit
     loudest = int(share.argmax())
     if share[loudest] > LOUDEST:
@@ -214,16 +214,16 @@ def _refuse_loud(source: str, torque: np.ndarray, header: WalkHeader) -> None:
 def _contact(
     source: str, body: BodySignals, position: np.ndarray, spec: Robot
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Return which feet bear load by their force, bool, shape (T, L), None without one, and what was concluded."""
+    """Return the feet that bear load by their force, bool, shape (T, L), None without one, and notes."""
     force, feet = body.foot_force, ", ".join(spec.foot_names)
     if force is None:
         return None, ()
     places = {bare(name): place for place, name in enumerate(body.foot_names or spec.foot_names)}
     if force.shape[1] != len(places) or not places.keys() >= set(map(bare, spec.foot_names)):
-        of = ", ".join(body.foot_names) or f"{force.shape[1]} feet"
+        named = ", ".join(body.foot_names) or f"{force.shape[1]} feet"
         raise LogError(
-            f"{source}: foot force of {of}, robot {spec.name!r} has the feet {feet}; map it in that order: --columns "
-            "foot_force=NAME,NAME,..."
+            f"{source}: foot force of {named}, robot {spec.name!r} has the feet {feet}; map it in that order: "
+            "--columns foot_force=NAME,NAME,..."
         )
     force = force[:, [places[bare(name)] for name in spec.foot_names]]
     low, high = np.quantile(force, [0.02, 0.95], axis=0)
@@ -244,5 +244,5 @@ def _contact(
                 "expected the feet in the robot's order, larger under load: --columns foot_force=NAME,NAME,..."
             )
     down = force > low + UNLOADED * (high - low)
-    said = [] if body.foot_names else [f"foot forces were taken in the robot's order, {feet}"]
-    return down, (*said, f"a foot bears load from {UNLOADED:.0%} between its least and largest force on")
+    notes = [] if body.foot_names else [f"foot forces were taken in the robot's order, {feet}"]
+    return down, (*notes, f"a foot bears load from {UNLOADED:.0%} between its least and largest force on")

@@ -1,8 +1,8 @@
-"""What an IMU said, checked against itself, and brought to the base's origin.
+"""Signals of an IMU, checked against each other, and brought to the base's origin.
 
 A log with its own columns seldom says in which order a quaternion is, in which unit an accelerometer, or whether it
 has gravity in it. Physics says so: the quaternion's rate is the gyroscope's, and over seconds of a walk the mean
-specific force is gravity's, upward. What cannot be otherwise is converted and said; what could be is refused.
+specific force is gravity's, upward. An unambiguous difference is converted and noted; an ambiguous one is refused.
 
 Of the base nothing else is needed. Legs in swing feel its angular velocity and its specific force alone, which an IMU
 measures: no position, no velocity, no motion capture.
@@ -24,38 +24,38 @@ TURN_SPAN = 0.05
 """Time over which the quaternion's turns are compared with the gyroscope's [s]: the noise of both is small by then."""
 
 LEAST_TURNING = 0.02
-"""Root mean square of the gyroscope under which it cannot tell one order of the quaternion from another [rad/s]."""
+"""Root mean square of the gyroscope below which it cannot tell one order of the quaternion from another [rad/s]."""
 
 AGREEING, REFUTED = 0.5, 0.7
-"""Share of the turns that an order leaves unexplained: under the first it fits, over the second it does not [1]."""
+"""Unexplained share of the turns below which an order of the quaternion fits, and above which it does not [1]."""
 
 UNIT_ERROR = 0.2
-"""How far a unit may be off: no two units are as near [1]."""
+"""Largest error of a unit: no two units are as near [1]."""
 
 UPRIGHT = 0.8
-"""Mean of the up direction's z under which the IMU's z is not the base's [1]."""
+"""Mean of the up direction's z below which the IMU's z is not the base's [1]."""
 
 SETTLING = 1.0
 """Time constant with which the up direction follows the accelerometer where no orientation was logged [s]."""
 
 RIGHT = "w x y z"
-"""Order of a quaternion as it is taken."""
+"""Expected order of a quaternion."""
 
 ORDERS = {RIGHT: (0, 1, 2, 3), "x y z w": (3, 0, 1, 2)}
-"""Order of the four numbers -> where w, x, y and z stand in it."""
+"""Order of the four numbers -> places of w, x, y and z in it."""
 
 FRAMES = {"": (1.0, 1.0, 1.0, 1.0), " of the world in the base": (1.0, -1.0, -1.0, -1.0)}
-"""What a quaternion turns, where not the base in the world -> signs of its numbers, as some drivers have them."""
+"""Frame of a quaternion, empty for the base in the world -> signs of its numbers, as some drivers have them."""
 
 
 def base_imu(
     source: str, body: BodySignals, step: float, place: tuple[float, float, float] | None
 ) -> tuple[BodySignals, tuple[str, ...]]:
-    """Check and convert the signals of an IMU, even in time, `step` [s] apart; return what was concluded, too.
+    """Check and convert the signals of an IMU, even in time, `step` [s] apart; return them with notes.
 
     Signals come out as of an IMU at the base's origin: quaternion, of no meaning in its heading where none was logged,
     gyroscope [rad/s], and accelerometer [m/s²] where there was one. place: of the IMU in the base's frame [m], None if
-    nobody said. Raises `LogError` for what is missing or refuted.
+    it is unknown. Raises `LogError` for signals that are missing or refuted.
     """
     quaternion, gyroscope, force = body.quaternion, body.gyroscope, body.accelerometer
     if gyroscope is None or (quaternion is None and force is None):
@@ -101,7 +101,7 @@ def base_imu(
 
 
 def at_place(rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
-    """Return what the base's turns add to the specific force at `place` r [m]: ω' × r + ω × (ω × r) [m/s²], (T, 3).
+    """Return the specific force that the base's turns add at `place` r [m]: ω' × r + ω × (ω × r) [m/s²], (T, 3).
 
     rate: ω [rad/s], shape (T, 3). ω' is a central difference, smoothed over 10 ms.
     """
@@ -116,7 +116,7 @@ def _degrees(cosine: float) -> float:
 
 
 def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, step: float, notes: list[str]) -> float:
-    """Return the gyroscope's unit [rad/s], and note it; refuse a quaternion that does not turn as it says."""
+    """Return the gyroscope's unit [rad/s], and note it; reject a quaternion that turns otherwise."""
     if np.sqrt(np.mean(np.sum(gyroscope**2, axis=1))) < LEAST_TURNING:
         notes.append("the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked")
         return 1.0
@@ -157,7 +157,7 @@ def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, ste
 
 
 def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None, notes: list[str]) -> float:
-    """Return the accelerometer's unit [m/s²], and note it; refuse one whose mean is not gravity's, upward."""
+    """Return the accelerometer's unit [m/s²], and note it; reject one whose mean is not gravity's, upward."""
     mean = force.mean(axis=0)
     size, scale = float(np.linalg.norm(mean)), 1.0
     up = np.array([0.0, 0.0, 1.0]) if quaternion is None else up_in_frames(quaternion).mean(axis=0)

@@ -21,13 +21,13 @@ FEWEST_ROWS = 300
 """Fewest equations of the base: an even walk gives some 50 to 200 a second."""
 
 WIDEST = 0.05
-"""Half-width of a load coefficient's interval beyond which there is no answer [1]."""
+"""Half-width of a load coefficient's interval above which no value is stated [1]."""
 
 WIDE_PRIOR = (1.0, 10.0, 1000.0, 2.0)
 """Sizes of A, B, b and c beyond any joint's: for a kind that never moves, whose columns are empty."""
 
 MAX_BOUND_RATIO = 1.5
-"""Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
+"""Largest error of mass, centre of mass or specific force over its declared bound."""
 
 LAW_ERROR = 0.05
 """Share of the coefficient by which its interval is widened: friction is not exactly linear in the motor's torque [1].
@@ -39,24 +39,24 @@ class LoadFit:
     """Friction of each kind of joint with and without load; or a refusal."""
 
     refusal: str = ""
-    """Why there is nothing; empty if there is something."""
+    """Reason for a refusal; empty if there is a fit."""
     laws: dict[str, dict[str, Estimate]] = field(default_factory=dict)
     """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
     refused: dict[str, str] = field(default_factory=dict)
-    """Kind -> why its c is not told."""
+    """Kind -> reason why its c is not told."""
     under_load: dict[str, tuple[float, Estimate]] = field(default_factory=dict)
     """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
     body: dict[str, Estimate] = field(default_factory=dict)
-    """Errors of the body that were found, by the names of `BODY`."""
+    """Estimated errors of the body, by the names of `BODY`."""
     rows: int = 0
-    """Equations of the base."""
+    """Number of equations of the base."""
     partial: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     """Kind -> load and friction in stance with everything else taken off, as forces on the body [N], each shape (R,):
     slope c. For the page."""
 
 
 def fit_load(walk: Walk, swing: list[SwingRows]) -> LoadFit:
-    """Find what the load adds to friction, or say why that cannot be known from this log."""
+    """Fit the friction that load adds, or refuse with the reason."""
     if refusal := _missing(walk):
         return LoadFit(refusal)
     stance = stance_rows(walk)
@@ -98,14 +98,14 @@ def fit_load(walk: Walk, swing: list[SwingRows]) -> LoadFit:
     partial = {}
     for kind in laws:
         column = _first(kind, walk.spec) + FRICTION.index("load_coefficient")
-        others = np.delete(resting, column, axis=1)
-        load = resting[:, column] - others @ np.linalg.lstsq(others, resting[:, column], rcond=1e-8)[0]
+        rest = np.delete(resting, column, axis=1)
+        load = resting[:, column] - rest @ np.linalg.lstsq(rest, resting[:, column], rcond=1e-8)[0]
         partial[kind] = (size * load, size * (fit.values[column] * load + left))
     return LoadFit("", laws, refused, under_load, body, len(stance.target), partial)
 
 
 def _missing(walk: Walk) -> str:
-    """Return what must be there and is not, or nothing."""
+    """Return the reason where something necessary is missing, else nothing."""
     if walk.sampled:
         return (
             "the log has torques as they were at its stamps; what they did in between, with every new target, is small "
@@ -156,7 +156,7 @@ def _stack(
 
 
 def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
-    """Return the standard deviation of what a family of equations leaves when it is fitted alone."""
+    """Return the standard deviation of the residual of a family of equations that is fitted alone."""
     if not len(target):
         return 1.0
     return max(1e-9, float(np.std(target - regressor @ np.linalg.lstsq(regressor, target, rcond=1e-8)[0])))
@@ -168,7 +168,7 @@ def _first(kind: str, spec: Robot) -> int:
 
 
 def _laws(fit: PriorFit, walk: Walk) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
-    """Return what is known of each kind, and why not of the others."""
+    """Return the laws of the kinds that the walk tells, and the reasons against the other kinds."""
     laws, refused = {}, {}
     for kind in walk.spec.joint_kinds:
         law = {name: fit.estimate(f"{name}.{kind}") for name in FRICTION}

@@ -1,4 +1,4 @@
-"""A walk, start to end: swing, stance, and a record for every joint that the walk tells about."""
+"""Identification of a walk, start to end: swing, stance, and a record for every joint that the walk tells about."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
 
 COARSE = 0.0025
-"""Period beyond which a robot's accelerations are blurred [s]: intervals of inertia and viscous friction then hold the
+"""Period above which a robot's accelerations are blurred [s]: intervals of inertia and viscous friction then hold the
 truth too seldom, those of dry friction do not. Where the torque was sampled they are not stated then."""
 
 
 @dataclass(frozen=True)
 class WalkIdentification:
-    """What was found in the log of a walk."""
+    """Result for the log of a walk."""
 
     joints: JointsFile
-    """A record under each joint's own name where its own swings tell; else its kind's, from all legs together."""
+    """Record under each joint's name where its own swings tell; else under its kind's, from all legs together."""
     load: LoadFit
-    """What is known about friction under load, or why nothing is."""
+    """Friction under load, or the reason why it is not known."""
     fit: WalkFit
-    """For the page."""
+    """Signals for the page."""
 
 
 @dataclass(frozen=True)
@@ -47,44 +47,44 @@ class WalkFits:
     """All fits to a walk."""
 
     walk: Walk
-    """The walk."""
+    """Walk that was fitted."""
     chosen: dict[str, SwingFit]
-    """What is stated: joint, or kind where a joint's own swings do not tell -> fit."""
+    """Stated fits: joint, or kind where a joint's own swings do not tell -> fit."""
     load: LoadFit
-    """What load adds."""
+    """Fit of the friction that load adds."""
     errors: tuple[Finding, ...]
-    """What makes all of them invalid."""
+    """Errors that make all of the fits invalid."""
     weight: Estimate | None
-    """What the motors hold over the robot's weight [1], where the walk tells."""
+    """Weight that the motors hold over the robot's [1], where the walk tells."""
 
 
 def identify_walk(walk: Walk) -> WalkIdentification:
     """Identify the joints of a walking robot.
 
-    A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
-    swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its
-    numbers are null. Raises `StictionError` where no joint is told.
+    A joint's own swings are used first. Where they do not tell, the joints of its kind are taken to be alike and their
+    swings are put together, under the kind's name. Where those do not tell either, the kind's record has the reason,
+    and its numbers are null. Raises `StictionError` where no joint is told.
     """
     spec, limits = walk.spec, walk.limits
     rows = swing_rows(walk)
-    own = [fit_swing([joint], limit, walk.period, walk.setup) for joint, limit in zip(rows, limits, strict=True)]
+    single = [fit_swing([joint], limit, walk.period, walk.setup) for joint, limit in zip(rows, limits, strict=True)]
     load = fit_load(walk, rows)
-    chosen = {name: fit for name, fit in zip(spec.joint_names, own, strict=True) if fit.fit is not None}
+    chosen = {name: fit for name, fit in zip(spec.joint_names, single, strict=True) if fit.fit is not None}
     for kind in spec.joint_kinds:
         members = spec.joints_of(kind).tolist()
-        if any(own[number].fit is None for number in members):
+        if any(single[number].fit is None for number in members):
             chosen[kind] = fit_swing([rows[number] for number in members], limits[members[0]], walk.period, walk.setup)
     if all(fit.fit is None for fit in chosen.values()):
         name = max(chosen, key=lambda name: chosen[name].rows)
-        raise LogError(f"this walk tells nothing about any joint: {name}: {chosen[name].refusal}")
+        raise LogError(f"the walk does not excite any joint enough to identify it: {name}: {chosen[name].refusal}")
     known = [chosen.get(joint.name) or chosen[joint.kind] for joint in spec.joints]
-    fits = WalkFits(walk, chosen, load, *check_walk(walk, [one.fit for one in known]))
+    fits = WalkFits(walk, chosen, load, *check_walk(walk, [swing.fit for swing in known]))
     records = {name: joint_record(fits, name) for name in chosen}
     return WalkIdentification(JointsFile(records), load, _walk_fit(fits, rows))
 
 
 def rates_are_known(walk: Walk) -> bool:
-    """Return whether inertia and viscous friction may be stated.
+    """Return True if inertia and viscous friction may be stated.
 
     A sampled torque that jumps with every target is not known between its samples, which looks like viscous friction
     and rotor: the bound of that takes the targets and the gains, and holds at short periods alone.
@@ -170,12 +170,12 @@ def joint_record(fits: WalkFits, name: str) -> JointRecord:
 
 
 def _warnings(fits: WalkFits, name: str, kind: str) -> Iterator[Finding]:
-    """Yield what a reader should know before trusting the record of a joint, or of a kind."""
+    """Yield warnings that a reader should know before trusting the record of a joint, or of a kind."""
     walk, swing = fits.walk, fits.chosen[name]
     if swing.fit is None:
         yield warning("swings", f"nothing is known: {swing.refusal}")
     elif name not in walk.spec.joint_names:
-        silent = ", ".join(one for one in swing.joints if one not in fits.chosen)
+        silent = ", ".join(joint for joint in swing.joints if joint not in fits.chosen)
         yield warning(
             "swings", f"swings of all {name} joints together, as if alike, for those whose own do not tell: {silent}"
         )
@@ -217,7 +217,7 @@ def _warnings(fits: WalkFits, name: str, kind: str) -> Iterator[Finding]:
 
 
 def _walk_fit(fits: WalkFits, rows: list[SwingRows]) -> WalkFit:
-    """Collect what the page draws: clouds under the names of the records."""
+    """Collect the signals that the page draws: clouds under the names of the records."""
     clouds, walk = {}, fits.walk
     for name, swing in fits.chosen.items():
         if swing.fit is not None:

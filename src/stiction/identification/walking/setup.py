@@ -1,4 +1,4 @@
-"""What is chosen and declared about a walking log."""
+"""Choices and declarations about a walking log."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Literal
 from stiction.core.errors import ConfigurationError, unknown_name
 
 CONTACTS = ("auto", "logged", "torque", "height")
-"""Where foot contact may come from."""
+"""Sources of foot contact."""
 
 
 @dataclass(frozen=True)
 class RobotLogSetup:
-    """What is declared about a log that is not in our own form."""
+    """Declarations about a log that is not in our own form."""
 
     joint_map: tuple[str, ...] = ()
     """RECORDED=JOINT pairs where the log's names of joints are not the robot's."""
     imu_position: tuple[float, float, float] | None = None
-    """Where the IMU is in the base's frame [m]: its accelerometer feels the base's turns there."""
+    """Position of the IMU in the base's frame [m]: its accelerometer feels the base's turns there."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no place."""
+        """Reject an impossible position."""
         if not all(map(isfinite, self.imu_position or ())) or max(map(abs, self.imu_position or (0,))) > 10:
             raise ConfigurationError(f"IMU position {self.imu_position}: expected three numbers in metres")
 
@@ -32,7 +32,7 @@ class WalkSetup:
     """Choices and declarations."""
 
     mass_known: bool = False
-    """The user declares that the robot's masses, payload included, are known: without, nothing is said about load."""
+    """Masses of the robot, payload included, are known, as the user declares: without, nothing is stated about load."""
     payload: float = 0.0
     """Mass that the trunk carries beyond its own [kg], spread over the trunk."""
     centre_of_mass: tuple[float, float, float] | None = None
@@ -43,7 +43,7 @@ class WalkSetup:
     centre_error: float = 0.01
     """95 % bound of the error of the trunk's centre of mass along each axis [m]: what balancing on an edge finds."""
     link_mass_error: float = 0.05
-    """95 % bound of the relative error of the links' masses [1]. What this does to an estimate widens its interval;
+    """95 % bound of the relative error of the links' masses [1]. Its effect on an estimate widens the interval;
     data sheets and drawings are seldom better."""
     torque_zero_error: float = 0.01
     """95 % bound of the motor's torque at no current over its limit [1]: zero of the current sensor, and gravity turned
@@ -57,31 +57,32 @@ class WalkSetup:
     """95 % bound of the constant error of the specific force along each axis [m/s²]: accelerometer bias, tilt of its
     mounting."""
     neglected_acceleration: float = 2.5
-    """The same where there is no accelerometer and gravity stands in for the specific force [m/s²]: as much as the base
+    """95 % bound of the neglected acceleration where gravity stands in for the specific force, for want of an
+    accelerometer [m/s²]: as much as the base
     of a walking robot accelerates, in step with its legs. The feet on the ground do not help: the base's acceleration
     from their joints and the gyroscope is no better than none."""
     smoothing: float = 0.04
     """Length of the smoothing window [s], a Hann window: at 200 Hz it leaves a twentieth of the encoder's noise in the
     acceleration, and a swing of 0.15 s still has rows clear of its ends."""
     swing_margin: float = 0.015
-    """Left out after lift-off and before touch-down [s]: feet unload and load over some milliseconds."""
+    """Time left out after lift-off and before touch-down [s]: feet unload and load over some milliseconds."""
     stop_margin: float = 0.015
-    """Left out around samples at which a joint hardly moves [s]: friction may take any value there, and in simulators
-    it fades within a few steps of a stop."""
+    """Time left out around samples at which a joint hardly moves [s]: friction may take any value there, and in
+    simulators it fades within a few steps of a stop."""
     slow: float = 0.1
-    """Speed under which a joint hardly moves [rad/s]: over ten times the noise of a differentiated 15-bit encoder."""
+    """Speed below which a joint hardly moves [rad/s]: over ten times the noise of a differentiated 15-bit encoder."""
     limit_margin: float = 0.03
-    """Left out beside the joint's limits [rad], where the stop pushes back."""
+    """Angle left out next to the joint's limits [rad], where the stop pushes back."""
     clearance: float = 0.015
     """Height of a foot above the lowest one from which it is in swing, where the log has no contacts [m]. It takes
     ground that is nearly flat."""
 
     contact: Literal["auto", "logged", "torque", "height"] = "auto"
-    """Which feet may bear load: as logged (contact or force), by the motors' torque, which needs no flat ground, or by
+    """Source of foot contact: as logged (contact or force), by the motors' torque, which needs no flat ground, or by
     height, as of `clearance`; auto: as logged where it was, else by height."""
 
     def __post_init__(self) -> None:
-        """Refuse what has no meaning."""
+        """Reject invalid values."""
         if self.contact not in CONTACTS:
             raise ConfigurationError(unknown_name("contact", self.contact, CONTACTS))
         for item in fields(WalkSetup):

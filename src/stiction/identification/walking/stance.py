@@ -1,4 +1,4 @@
-"""Friction under load, from the whole robot in stance: what the six equations of the base still say.
+"""Friction under load, from the whole robot in stance: the six equations of its base.
 
 A foot on the ground feels an effort F that nobody measures: of a ball a force, of a sole a force and a moment. The
 joint equations of its leg,
@@ -45,21 +45,21 @@ LARGEST_CONDITION = 30.0
 the standing pose."""
 
 NOTHING = 1e-9
-"""Force and moment on the body of a unit effort under which it is rounding."""
+"""Force and moment on the body of a unit effort below which they are rounding."""
 
 ARM = 0.3
-"""Moments are divided by this length [m], about a leg's, so that all six equations are forces."""
+"""Length that divides moments [m], about a leg's, so that all six equations are forces."""
 
 
 @dataclass(frozen=True)
 class StanceRows:
-    """The base's equations, R rows: six for each sample used, smoothed."""
+    """Equations of the base, R rows: six for each sample used, smoothed."""
 
     regressor: np.ndarray
     """Columns A, B, b, c of each kind of joint; of each motor's torque at no current; of the torques' lateness; of the
     body's errors, `BODY`; shape (R, 4 K + J + 1 + 7)."""
     target: np.ndarray
-    """What friction has to explain [N], shape (R,)."""
+    """Force for friction to explain [N], shape (R,)."""
     links: np.ndarray
     """Change of the target by links heavier by `link_mass_error`, the trunk lighter by as much [N], shape (R,)."""
     sample: np.ndarray
@@ -110,7 +110,7 @@ def stance_rows(walk: Walk) -> StanceRows:
 
 
 def ground_arms(walk: Walk) -> tuple[np.ndarray, np.ndarray]:
-    """Return how the legs that may be down act on the body: per torque of a joint, G, and per effort that none feels.
+    """Return the effect of legs that may be down on the body: per torque of a joint, G, and per effort that none feels.
 
     Force and moment on the body, shapes (T, 6, J), zero for legs in swing, and (T, 6, U).
     """
@@ -134,7 +134,7 @@ def ground_arms(walk: Walk) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _contact(foot: Foot, middle: np.ndarray, jacobian: np.ndarray, upward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the ground's effort on a foot does to the leg's joints, (T, joints, D), and to the base, (T, 6, D).
+    """Return the effect of the ground's effort on a foot: on the leg's joints, (T, joints, D), and the base, (T, 6, D).
 
     An effort is a force [N], D = 3, where the foot is a ball; else also a moment over `ARM` [N], D = 6. The ground is
     taken as level: it touches straight under the middle. middle: in the base frame [m], shape (T, 3); jacobian: of that
@@ -178,7 +178,7 @@ def _friction_columns(walk: Walk, arms: np.ndarray) -> np.ndarray:
 
 
 def _body_columns(walk: Walk, trunk: Body, legs_mass: float, whole: np.ndarray) -> np.ndarray:
-    """Return the columns of `BODY`, shape (T, 6, 7): what stands on the other side of the equation, hence the sign.
+    """Return the columns of `BODY`, shape (T, 6, 7), negative, for they stand on the other side of the equation.
 
     whole: wrench that moves the robot, shape (T, 6). An error of the specific force acts on the whole mass at the
     common centre of mass; the legs', which changes little, is taken at the base's origin.

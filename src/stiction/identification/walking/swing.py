@@ -24,10 +24,10 @@ from stiction.identification.walking.setup import WalkSetup
 from stiction.identification.walking.walk import Walk, grow, smooth, swings
 
 PARAMETERS = ("armature", "viscous_friction", "coulomb_friction", "lateness")
-"""What every joint of a fit shares; each joint has an offset of its own besides, `offset.NAME`."""
+"""Names of the parameters that all joints of a fit share; each joint has an offset besides, `offset.NAME`."""
 
 FEWEST_SWINGS = 8
-"""Fewer swings say too little about their own spread."""
+"""Fewest swings of a fit: fewer say too little about their spread."""
 
 BLOCK = 0.5
 """Length of a block of data where no swing bounds it [s], one or two steps of a walk."""
@@ -36,12 +36,12 @@ FEWEST_ROWS = 40
 """Fewest rows of a fit: as many as two swings have."""
 
 WIDEST = 0.05
-"""Half-width of the Coulomb friction's interval over the torque limit beyond which there is no answer [1]."""
+"""Half-width of the Coulomb friction's interval over the torque limit above which no value is stated [1]."""
 
 
 @dataclass(frozen=True)
 class SwingRows:
-    """The equations of one joint in swing, R rows, smoothed."""
+    """Equations of one joint in swing, R rows, smoothed."""
 
     joint: str
     """Name of the joint."""
@@ -106,7 +106,7 @@ def swing_rows(walk: Walk) -> list[SwingRows]:
 
 
 def _systematic(walk: Walk) -> np.ndarray:
-    """Return the change of the torques left for the joints by all that `SwingRows.systematic` names, (S, T, J)."""
+    """Return the change of the torques left for the joints by all errors of `SwingRows.systematic`, (S, T, J)."""
     setup, spec = walk.setup, walk.spec
     share = setup.link_mass_error if walk.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
     error = setup.specific_force_error if walk.measured_acceleration else setup.neglected_acceleration
@@ -115,33 +115,33 @@ def _systematic(walk: Walk) -> np.ndarray:
         whole_effort(spec.links, motions_at_rest(spec.links, walk.log.joint_position, axis))[0] for axis in np.eye(3)
     ]
     effects = np.stack(pulled)
-    found = [share * walk.effort[0][None], error * effects, walk.period / 2 * walk.jumps[None]]
+    changes = [share * walk.effort[0][None], error * effects, walk.period / 2 * walk.jumps[None]]
     if walk.unplaced:
         pulls = [at_place(walk.base.spin, walk.period, walk.unplaced * axis) for axis in np.eye(3)]
-        found.append(np.stack([np.einsum("ti,itj->tj", pull, effects) for pull in pulls]))
-    return np.concatenate(found)
+        changes.append(np.stack([np.einsum("ti,itj->tj", pull, effects) for pull in pulls]))
+    return np.concatenate(changes)
 
 
 @dataclass(frozen=True)
 class SwingFit:
-    """Friction of one joint, or of several that were taken to be alike."""
+    """Friction of one joint, or of several that are taken to be alike."""
 
     joints: tuple[str, ...]
-    """The joints behind it."""
+    """Joints of the fit."""
     rows: int
     """Number of equations."""
     swings: int
-    """Number of swings that they come from."""
+    """Number of swings of these equations."""
     fit: PriorFit | None
     """Parameters as in `PARAMETERS`, then an offset per joint; None where the swings do not tell."""
     refusal: str = ""
-    """Why there is no fit; empty if there is one."""
+    """Reason why there is no fit; empty if there is one."""
 
 
 def fit_swing(rows: list[SwingRows], torque_limit: float, period: float, setup: WalkSetup) -> SwingFit:
     """Fit armature, viscous and Coulomb friction that are the same for all joints in `rows`, and an offset each.
 
-    torque_limit: of these joints' motors [N m]; period: of the log [s].
+    torque_limit: limit of these joints' motors [N m]; period: of the log [s].
     """
     used = [joint for joint in rows if len(joint.torque)]
     swing = np.concatenate([np.zeros(0, int), *(joint.swing for joint in used)])
@@ -173,7 +173,7 @@ def fit_swing(rows: list[SwingRows], torque_limit: float, period: float, setup: 
 
 
 def _refusal(fit: PriorFit, torque_limit: float) -> str:
-    """Return why the values of a fit cannot be stated, or nothing."""
+    """Return the reason why the values of a fit cannot be stated, else nothing."""
     rotor, (low, high) = fit.value("armature"), fit.estimate("coulomb_friction").interval95
     if rotor <= 0:
         return (

@@ -1,4 +1,4 @@
-"""A walking log with its robot: how every leg and the base moved, and which feet bore load. Nothing is filtered.
+"""Walking log with its robot: motion of every leg and the base, and the feet that bear load. Nothing is filtered.
 
 A sample holds the state at its time and the torque over the period that follows, so rates are forward differences of
 angle and angular velocity; the acceleration is the second difference of the angle. Filtering waits until the equations
@@ -22,23 +22,23 @@ from stiction.joints.pd import controller_torque
 from stiction.robots.model import GRAVITY, Robot
 
 SHORTEST = 1.0
-"""Shortest walk that is looked at [s]."""
+"""Shortest walk that is used [s]."""
 
 LONGEST_PERIOD = 0.005
 """Longest time between samples [s]. A swing of 0.15 s has 30 samples at 200 Hz, and seven at the policy's 50 Hz."""
 
 RATE_SPAN = 0.005
-"""Time over which a joint's rate is taken [s]: shorter, encoder noise would pretend reversals."""
+"""Time over which a joint's rate is taken [s]: over a shorter one, encoder noise would pretend reversals."""
 
 BEARING = 0.1
-"""Share of the robot's weight from which on a foot is taken to bear load, by the motors' torque [1]."""
+"""Share of the robot's weight above which a foot is taken to bear load, by the motors' torque [1]."""
 
 SOURCES = {
     "logged": "foot contact or force, as logged",
     "torque": f"the motors' torque: what it leaves for the ground is over {BEARING:.0%} of the robot's weight",
     "height": "kinematics: feet clear of the lowest one are taken to swing, as on flat ground",
 }
-"""Where contact comes from -> how that is said."""
+"""Source of contact -> its words."""
 
 
 @dataclass(frozen=True)
@@ -50,20 +50,20 @@ class Walk:
     """
 
     log: WalkLog
-    """What was logged."""
+    """Recorded log."""
     spec: Robot
-    """The robot."""
+    """Robot that walked."""
     setup: WalkSetup = field(default_factory=WalkSetup)
-    """What was chosen and declared."""
+    """Choices and declarations."""
     notes: tuple[str, ...] = ()
-    """What a reader of the results should know about how the log was read; each one sentence."""
+    """Notes on the reading of the log for readers of the results, one sentence each."""
     sampled: bool = False
     """True if the torque is that at the stamp, as a robot says it; else it is the mean over the period that follows."""
     unplaced: float = 0.0
-    """How far from the base's origin the accelerometer may be along each axis [m]; 95 % bound."""
+    """Largest distance of the accelerometer from the base's origin along each axis [m]; 95 % bound."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be used."""
+        """Reject a walk that cannot be used."""
         header, spec, period = self.log.header, self.spec, self.period
         if self.setup.contact == "logged" and self.log.foot_contact is None:
             raise LogError("--contact logged: the log has no foot contact and no foot force; expected --contact height")
@@ -116,7 +116,7 @@ class Walk:
     @cached_property
     def torque(self) -> np.ndarray:
         """Torque of the motors [N m], shape (T, J)."""
-        return asked_torque(self.log) if self.log.joint_torque is None else self.log.joint_torque
+        return commanded_torque(self.log) if self.log.joint_torque is None else self.log.joint_torque
 
     @cached_property
     def slope(self) -> np.ndarray:
@@ -162,7 +162,7 @@ class Walk:
 
     @cached_property
     def effort(self) -> tuple[np.ndarray, np.ndarray]:
-        """What moves the links, feet in the air: joint torques [N m], (T, J), and the base's wrench on them, (T, 6)."""
+        """Effort of the links, feet in the air: joint torques [N m], (T, J), and the base's wrench on them, (T, 6)."""
         return whole_effort(self.spec.links, self.links)
 
     @cached_property
@@ -172,7 +172,7 @@ class Walk:
 
     @cached_property
     def carriers(self) -> np.ndarray:
-        """True where a foot hangs on a joint, shape (L, J); `down @ carriers`: which joints bear load, (T, J)."""
+        """True where a foot hangs on a joint, shape (L, J); `down @ carriers`: where a joint bears load, (T, J)."""
         chains = [self.spec.chain(foot.link) for foot in self.spec.feet]
         return np.array([[joint in chain for joint in range(self.spec.num_joints)] for chain in chains])
 
@@ -186,20 +186,20 @@ class Walk:
 
     @cached_property
     def upward_map(self) -> np.ndarray:
-        """What a torque about each joint makes of the ground's upward force on each foot [1/m], shape (T, L, J)."""
-        found = np.zeros((len(self), len(self.spec.feet), self.spec.num_joints))
+        """Ground's upward force on each foot per torque about each joint [1/m], shape (T, L, J)."""
+        forces = np.zeros((len(self), len(self.spec.feet), self.spec.num_joints))
         for feet, joints in legs(self.spec):
             stacked = np.concatenate(
                 [foot_jacobian(self.spec, self.links, foot, joints)[:, :3] for foot in feet], axis=1
             )
             # A stretched leg hardly feels some direction: the force along it is taken as none, instead of as huge.
             inverse = np.linalg.pinv(np.swapaxes(stacked, 1, 2), rcond=1e-3).reshape(len(self), len(feet), 3, -1)
-            found[np.ix_(range(len(self)), feet, joints)] = np.einsum("tlij,ti->tlj", inverse, self.upward)
-        return found
+            forces[np.ix_(range(len(self)), feet, joints)] = np.einsum("tlij,ti->tlj", inverse, self.upward)
+        return forces
 
     @property
     def contact(self) -> str:
-        """Where contact comes from, a key of `SOURCES`."""
+        """Source of contact, a key of `SOURCES`."""
         if self.setup.contact == "auto":
             return "height" if self.log.foot_contact is None else "logged"
         return self.setup.contact
@@ -225,15 +225,15 @@ class Walk:
 
 def legs(spec: Robot) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
     """Return the numbers of the feet and of the joints of each leg, joints ascending: no two have one in common."""
-    found: list[tuple[tuple[int, ...], set[int]]] = []
+    groups: list[tuple[tuple[int, ...], set[int]]] = []
     for number, foot in enumerate(spec.feet):
         feet: tuple[int, ...] = (number,)
         joints = set(spec.chain(foot.link))
-        for leg in [leg for leg in found if leg[1] & joints]:
-            found.remove(leg)
+        for leg in [leg for leg in groups if leg[1] & joints]:
+            groups.remove(leg)
             feet, joints = leg[0] + feet, leg[1] | joints
-        found.append((feet, joints))
-    return tuple((feet, tuple(sorted(joints))) for feet, joints in found)
+        groups.append((feet, joints))
+    return tuple((feet, tuple(sorted(joints))) for feet, joints in groups)
 
 
 def foot_positions(spec: Robot, links: Sequence[Motion]) -> np.ndarray:
@@ -250,12 +250,12 @@ def foot_jacobian(spec: Robot, links: Sequence[Motion], number: int, joints: Seq
     """
     foot = spec.feet[number]
     place = links[foot.link].origin + links[foot.link].rotation @ np.array(foot.position)
-    found = np.zeros((len(place), 6, len(joints)))
+    jacobian = np.zeros((len(place), 6, len(joints)))
     for column, joint in enumerate(joints):
         if joint in spec.chain(foot.link):
-            found[:, :3, column] = crosses(links[joint].axis, place - links[joint].origin)
-            found[:, 3:, column] = links[joint].axis
-    return found
+            jacobian[:, :3, column] = crosses(links[joint].axis, place - links[joint].origin)
+            jacobian[:, 3:, column] = links[joint].axis
+    return jacobian
 
 
 def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
@@ -280,8 +280,8 @@ def second_difference(values: np.ndarray, period: float) -> np.ndarray:
     return acceleration
 
 
-def asked_torque(log: WalkLog) -> np.ndarray:
-    """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for.
+def commanded_torque(log: WalkLog) -> np.ndarray:
+    """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): the command to the motors.
 
     The mean over the period that follows each sample: of the law at both ends, under the target of its start.
     """
