@@ -117,11 +117,13 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.cli.progress import training_progress
     from stiction.core.lock import output_folder
     from stiction.evaluation.film import ClipRecorder
+    from stiction.learning.boards import open_board
     from stiction.learning.phase import Interrupted
     from stiction.learning.ranks import named_ranks
     from stiction.learning.run import identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
+    from stiction.report.training import LivePage
     from stiction.view.companion import watching
 
     ranks = named_ranks()
@@ -134,14 +136,21 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         stop_requests(display.say, "this iteration") as asked,
         watching(run.path, lambda line: display.say(f"viewer: {line}")) if options.view else nullcontext(),
         warnings.catch_warnings(),
+        open_board(run.path, cfg) as board,
     ):
         # Python's own form is two lines, the second one of our source code.
-        warnings.showwarning = lambda message, *_: display.say(f"stiction train: warning: {message}")
-        crew = ClipRecorder(run.path, display.say)
+        warnings.showwarning = lambda message, *_, **__: display.say(f"stiction train: warning: {message}")
+        crew, page = ClipRecorder(run.path, display.say, board.add_clip), LivePage(run.path)
+
+        def show(phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
+            display(phase, iteration, iterations, figures)
+            crew.poll()
+            page.update(display.lines)
+
         try:
             ranks.join(cfg.device)
             ranks.begin()
-            summary = train(cfg, run, identified_values(run.header()), display, asked, crew, ranks)
+            summary = train(cfg, run, identified_values(run.header()), show, asked, crew, ranks, board)
             # After the training: films wait for it, it does not wait for films.
             crew.finish()
         except Interrupted as stop:
@@ -149,6 +158,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
             return asked.status
         finally:
             crew.abandon()
+            page.end("Finished." if run.finished else f"Stopped; `stiction train --resume {run.path}` goes on with it.")
     # Behind the training, so that a refusal is one line; on a GPU the networks are there.
     if cfg.device != "cuda" and (note := fast_gemm_note()):
         _say(note)
@@ -173,6 +183,6 @@ def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
     print(
         f"{early}policy in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
         f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
-        f"curves: {curves}\nnext: stiction export {run.path}",
+        f"curves: {curves}, {run.path / 'report.html'}\nnext: stiction export {run.path}",
         file=sys.stderr,
     )

@@ -25,6 +25,8 @@ EXTRAS = {
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
     "view": (*SIM, "viser", "mjviser"),
+    "wandb": (*TRAIN, "wandb"),
+    "trackio": (*TRAIN, "trackio"),
     "mjlab": ("mjlab",),
 }
 """Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""

@@ -49,7 +49,7 @@ GROUPS = {
     "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
     "the joints": ("--joints", "--actuator", "--friction-law"),
     "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
-    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--view", "--json"),
+    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--logger", "--view", "--json"),
 }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, EngineError
+from stiction.core.extras import require
 from stiction.core.files import digest_of
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import what_is_missing
@@ -67,6 +68,8 @@ def begin_run(
 
     joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`, before, for what cannot be trained.
     """
+    if cfg.logger != "tensorboard":
+        require(cfg.logger)
     _check_friction(cfg.task.friction)
     cfg = held_at_rest(cfg, say)
     robot = find_robot(cfg.task.robot)

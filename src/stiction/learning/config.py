@@ -52,6 +52,8 @@ EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
 
 SymmetryName = Literal["none", "batches", "half", "network"]
 
+LoggerName = Literal["tensorboard", "wandb", "trackio"]
+
 
 LATENT = needs("--set network.latent above 0", lambda cfg: cfg.latent > 0)
 """Requirement of settings of f_ada."""
@@ -259,6 +261,9 @@ class TrainCfg:
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. A process of its own renders each from a
     checkpoint in some seven seconds."""
+    logger: LoggerName = "tensorboard"
+    """Service that shows the curves and clips. `wandb` and `trackio` are extras of their names; one that fails does not
+    end the training, and metrics.jsonl is always written."""
     stop: StopCfg = field(
         default_factory=StopCfg,
         metadata=all_of(
@@ -271,8 +276,6 @@ class TrainCfg:
         """Refuse what cannot be run, before any folder is made."""
         self._complete()
         self._check_simulator()
-        if self.symmetry not in get_args(SymmetryName):
-            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
         if self.symmetry == "network" and self.network.recurrent:
             raise ConfigurationError(
                 "a recurrent encoder has no rule for --symmetry network, which the presets of one phase have; add "
@@ -297,7 +300,8 @@ class TrainCfg:
 
     def _check_simulator(self) -> None:
         """Refuse devices and engines that there are not, and what they cannot simulate."""
-        for what, names in {"device": DeviceName, "engine": EngineName}.items():
+        choices = {"device": DeviceName, "engine": EngineName, "symmetry": SymmetryName, "logger": LoggerName}
+        for what, names in choices.items():
             if getattr(self, what) not in get_args(names):
                 raise ConfigurationError(unknown_name(what, getattr(self, what), get_args(names)))
         if self.device != "cpu" and self.task.physics.plastic:
@@ -359,9 +363,7 @@ class TrainCfg:
         check_counts(counts, {f"network.{name}": getattr(self.network, name) for name in LAYERS})
         self._check_halves()
         if self.video_every < 0:
-            raise ConfigurationError(
-                f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
-            )
+            raise ConfigurationError(f"video_every: got {self.video_every}, expected iterations, or 0 for none")
         for phase, cfg in phases.items():
             samples = self.num_envs * cfg.steps
             # With `half` PPO has twice as many mini-batches, each of half as many originals.

@@ -17,8 +17,9 @@ from rsl_rl.runners import OnPolicyRunner
 
 from stiction.core.errors import TrainingError
 from stiction.core.gemm import VARIABLE, gemm_path
+from stiction.learning.boards import Board
 from stiction.learning.config import StopCfg
-from stiction.learning.figures import Board, RolloutFigures, adaptation_figures, friction_figures
+from stiction.learning.figures import EpisodeMeans, RolloutFigures, adaptation_figures, friction_figures
 from stiction.learning.health import EarlyStop, Health
 from stiction.learning.ppo import AdaptationPPO
 from stiction.learning.quick import quicken
@@ -98,6 +99,7 @@ class PhaseRunner(OnPolicyRunner):
         # Counts add up over the processes.
         self.health = Health(self.env.num_envs * self.ranks.size, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         steady = self.alg.settled_from if isinstance(self.alg, AdaptationPPO) else 0
+        self.episodes = EpisodeMeans(self.env.num_envs, self.env.device)
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
 
     def _configure_multi_gpu(self) -> None:
@@ -163,12 +165,13 @@ class PhaseRunner(OnPolicyRunner):
                 self.alg.process_env_step(obs, reward, dones, extras)
                 rollout.add({"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]})
                 rollout.end(age, dones.to(age.device))
+                self.episodes.add(reward, dones)
             self.alg.compute_returns(obs)
         seconds = time.perf_counter() - start
         losses = self.alg.update()
         figures = rollout.means() | {f"loss/{name}": value for name, value in losses.items()}
         figures |= {"rollout_seconds": seconds, "learning_rate": float(self.alg.learning_rate)}
-        return figures | self._policy_figures() | friction_figures(self.env)
+        return figures | self.episodes.means() | self._policy_figures() | friction_figures(self.env)
 
     def _policy_figures(self) -> dict[str, float]:
         """Return what the updated policy is like."""
@@ -201,7 +204,7 @@ class PhaseRunner(OnPolicyRunner):
         if not self.ranks.leads:
             return
         self.run.log({"phase": self.phase, "iteration": it, **row})
-        self.board.add(it, figures)
+        self.board.add(self.phase, it, figures)
         self.progress(self.phase, it, self.iterations, figures)
 
     def _preserve(self) -> None:
@@ -231,6 +234,7 @@ class PhaseRunner(OnPolicyRunner):
         tree = {
             "algorithm": self.alg.save(),
             "environment": self.env.state(),
+            "episodes": self.episodes.state(),
             "random": torch.get_rng_state(),
             "threads": torch.get_num_threads(),
             "gemm": gemm_path(),
@@ -289,6 +293,8 @@ class PhaseRunner(OnPolicyRunner):
         for optimizer in (value for value in vars(self.alg).values() if isinstance(value, torch.optim.Optimizer)):
             check_moments(optimizer)
         self.env.load_state(tree["environment"])
+        if "episodes" in tree:  # checkpoints of before have none, and their means begin anew
+            self.episodes.load_state(tree["episodes"])
         torch.set_rng_state(tree["random"])
         if self.env.device == "cuda":
             torch.cuda.set_rng_state(tree["random_cuda"])

@@ -1,14 +1,18 @@
-"""The curves of a training run, drawn from its metrics.jsonl."""
+"""Pages of trainings: curves and live page of a run, from its files, and the page of an Actuator Net."""
 
 from __future__ import annotations
 
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 
-from stiction.core.errors import FileError
+from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.files.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
 from stiction.files.plain import read_object
@@ -18,13 +22,16 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
+    file_uri,
     fold,
     legend,
     new_figure,
     paragraph,
+    picture,
     render_page,
     save_figure,
     settings_table,
+    svg_uri,
     table,
 )
 
@@ -56,6 +63,9 @@ run does not have (an old one, flat ground) has no panel."""
 COLUMNS = 3
 """Panels side by side."""
 
+LIVE_PANELS = 6
+"""Panels of the live page, the first that a run has; its last version has all."""
+
 
 def draw_training(run: Path) -> Path:
     """Draw `curves.png` of the run in folder `run`, the student after the teacher; return its path.
@@ -65,8 +75,15 @@ def draw_training(run: Path) -> Path:
     rows = read_metrics(run / "metrics.jsonl")
     if not rows:
         raise FileError(f"{run / 'metrics.jsonl'} has no iterations yet; expected a run of `stiction train`")
+    path = run / "curves.png"
+    save_figure(_curves(rows), path)
+    return path
+
+
+def _curves(rows: Sequence[dict[str, Any]], most: int = len(PANELS)) -> Figure:
+    """Draw at most so many panels of the figures of all iterations, at least one."""
     recorded = {name for row in rows for name in row}
-    panels = [(label, names) for label, names in PANELS if recorded & names.keys()]
+    panels = [(label, names) for label, names in PANELS if recorded & names.keys()][:most]
     lines = -(-len(panels) // COLUMNS)
     figure, axes = new_figure(lines, COLUMNS, size=(11.0, 2.6 * lines))
     teacher = sum(row["phase"] == "teacher" for row in rows)
@@ -84,9 +101,65 @@ def draw_training(run: Path) -> Path:
             legend(axis)
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
-    path = run / "curves.png"
-    save_figure(figure, path)
-    return path
+    return figure
+
+
+PAGE_SHARE, PAGE_EVERY = 0.005, 15.0
+"""Largest share of the training's time that the live page takes, and shortest time between two versions [s]."""
+
+
+class LivePage:
+    """`report.html` of a run: curves, newest clip and time left; browsers reload it until the training ends."""
+
+    def __init__(self, run: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        """Set the folder of the run; the first version is written with the first iteration. `clock`: time [s]."""
+        self.run, self.clock = run, clock
+        self._due, self._wait = clock(), PAGE_EVERY
+        self._failed = False
+
+    def update(self, lines: Sequence[str]) -> None:
+        """Write the page where it is due. lines: state of the training, the first one with the time left."""
+        if (start := self.clock()) < self._due:
+            return
+        self._write(lines, LIVE_PANELS, self._wait)
+        end = self.clock()
+        self._wait = max(PAGE_EVERY, (end - start) / PAGE_SHARE)
+        self._due = end + self._wait
+
+    def end(self, line: str) -> None:
+        """Write the last version, which no browser reloads. line: how the training ended."""
+        self._write([line], len(PANELS), refresh=0.0)
+
+    def _write(self, lines: Sequence[str], panels: int, refresh: float) -> None:
+        """Write one version, whole or not at all; give up with one warning where that fails."""
+        if self._failed:
+            return
+        try:
+            write_text(self.run / "report.html", training_page(self.run, lines, panels, refresh))
+        except (StictionError, OSError) as error:
+            self._failed = True
+            warnings.warn(f"report.html of the run is not written any more: {error}", stacklevel=3)
+
+
+def training_page(run: Path, lines: Sequence[str], panels: int = len(PANELS), refresh: float = 0.0) -> str:
+    """Return the page of a run from its files; lines: state of the training; refresh: time to its next version [s].
+
+    Raises `StictionError` or `OSError` where a file of the run cannot be read.
+    """
+    header, rows = read_object(run / "config.json", "that of `stiction train`"), read_metrics(run / "metrics.jsonl")
+    sections = []
+    if clip := max((run / "clips").glob("*.webp"), key=lambda path: path.stat().st_mtime, default=None):
+        phase, _, iteration = clip.stem.rpartition("_")
+        caption = f"The policy after iteration {int(iteration)} of the {phase}."
+        sections.append(Section("Newest clip", (picture(file_uri(clip), caption),)))
+    if rows:
+        note = "Figures of the noisy, pushed and randomised training, not of an evaluation."
+        sections.append(Section("Curves", (picture(svg_uri(_curves(rows, panels)), note),)))
+    sections.append(Section("Settings", (fold("All settings", [settings_table(header["config"])]),)))
+    now = f"{datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"
+    state = f"As of {now}; written anew about every {refresh:.0f} s while the training runs." if refresh else ""
+    title = f"Training {run.resolve().name}"
+    return render_page(title, sections, [*lines, state], command=str(header.get("command", "")), refresh=refresh)
 
 
 SIDES = {
