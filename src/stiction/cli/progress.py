@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
 from stiction.core.errors import escaped
+from stiction.core.provenance import num_threads
 from stiction.learning.config import TrainCfg
 from stiction.report.terminal import Terminal
 
@@ -24,6 +25,9 @@ RECENT = 20
 
 WAITING = 0.2
 """Share of the time that this process could compute for which it waits for a core, from which on it is told."""
+
+SHORTEST = 5.0
+"""Wall time from which on shares of the processor are told [s]: a wait is counted when it ends."""
 
 Processor = tuple[float, float, float | None]
 """Wall time, processor time of this process, and time for which its threads waited for a core, None if unknown [s]."""
@@ -38,20 +42,20 @@ def processor_times(tasks: Path = Path("/proc/self/task")) -> Processor:
     return time.monotonic(), time.process_time(), waited
 
 
-def busy_text(before: Processor, now: Processor, load: float, cores: int) -> str:
+def busy_text(before: Processor, now: Processor, load: float, threads: int) -> str:
     """Return that other work takes the cores, empty where it does not: `machine busy: this process gets 0.6 of a core`.
 
-    load: of the machine, and its cores. Where the waiting is not counted the machine is busy if the load is above the
-    cores and the process, which computes all the time, gets less than one.
+    load: of the machine, over its cores; threads: most cores that the process uses. Where the waiting is not counted
+    the machine is busy if its load is above 1 and the process, which computes all the time, gets less than one core.
     """
     wall, used = now[0] - before[0], now[1] - before[1]
-    if wall <= 0:
+    if wall < SHORTEST:
         return ""
     got, wanted = used / wall, 1.0
     if before[2] is not None and now[2] is not None:
-        # Threads that have ended take their waiting along.
-        wanted = got + max(0.0, now[2] - before[2]) / wall
-    elif load <= cores:
+        # Threads that have ended take their waiting along; those of this process may wait for each other too.
+        wanted = min(got + max(0.0, now[2] - before[2]) / wall, threads)
+    elif load <= 1.0:
         return ""
     if got >= (1 - WAITING) * wanted:
         return ""
@@ -99,7 +103,9 @@ class RunClock:
 
     def left(self, phase: str, iteration: int) -> str:
         """Return the time left in words, and whether other work slows the training: on a GPU that says little."""
-        busy = busy_text(self._processor[0], self._processor[-1], os.getloadavg()[0], os.cpu_count() or 1)
+        busy = busy_text(
+            self._processor[0], self._processor[-1], os.getloadavg()[0] / (os.cpu_count() or 1), num_threads()
+        )
         left = f"{span(self.remaining(phase, iteration))} left"
         return f"{left} ({busy})" if busy and self.cfg.device != "cuda" else left
 
@@ -139,13 +145,19 @@ def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
 class Display:
     """Shows the phases, or the one that there is, the time left of the whole run, and how the robots walk."""
 
-    def __init__(self, cfg: TrainCfg, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin before the first iteration. `clock` [s] times the lines where there is no terminal."""
+    def __init__(
+        self,
+        cfg: TrainCfg,
+        console: Console,
+        clock: Callable[[], float] = time.monotonic,
+        times: Callable[[], Processor] = processor_times,
+    ) -> None:
+        """Begin before the first iteration. `clock` [s]: of the lines in a file; `times`: of this process."""
         self.cfg, self.console, self.clock = cfg, console, clock
-        self._run = RunClock(cfg)
+        self._run = RunClock(cfg, times)
         self._next_line = clock()
         self._note = Text("the first iteration runs ...")
-        self.lines = (self._note.plain,)
+        self.lines: tuple[str, ...] = (self._note.plain,)
         """State of the training for the live page: iterations and time left, then how the robots walk."""
         self._bars = Progress(TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), console=console)
         sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}

@@ -76,7 +76,8 @@ class TensorBoard:
         width, height = size
         image = Summary.Image(width=width, height=height, colorspace=3, encoded_image_string=clip)
         if (writer := self._writers.get(phase)) is not None:
-            writer.file_writer.add_summary(Summary(value=[Summary.Value(tag="clip", image=image)]), iteration)
+            summary = Summary(value=[Summary.Value(tag="clip", image=image)])
+            writer.file_writer.add_summary(summary, iteration)  # type: ignore[attr-defined]
 
     def flush(self) -> None:
         """Write buffered figures to the disk."""
@@ -101,9 +102,7 @@ class OneRun:
             write_text(file, json.dumps({"id": secrets.token_hex(4)}) + "\n")
         identity = read_object(file, "that of `stiction train`").get("id")
         if not isinstance(identity, str) or len(identity) != 8 or not identity.isalnum():
-            raise FileError(
-                f"{file}: got the id {str(identity)[:40]!r}, expected 8 hexadecimal digits; remove the file"
-            )
+            raise FileError(f"{file}: got the id {str(identity)[:40]!r}, expected 8 hexadecimal digits; remove it")
         self.identity = identity
 
     def add(self, phase: str, iteration: int, figures: Mapping[str, float]) -> None:
@@ -206,7 +205,10 @@ class Trackio(OneRun):
 
     def close(self, failed: bool) -> None:
         """End the run; trackio knows no failed ones."""
-        self.run.finish()
+        import trackio
+
+        # Not the run's own `finish`: trackio would end it once more at exit, and print that.
+        trackio.finish()
 
 
 class Board:

@@ -58,7 +58,7 @@ LAST_EPISODES = 100
 class EpisodeMeans:
     """Mean return and length of the last finished episodes, under rsl_rl's names: curves overlay with its trainers'.
 
-    An episode counts from the first step that was seen of it; robots that begin at random ages have a shorter first one.
+    An episode counts from its first step in this training: robots that begin at random ages have a shorter first one.
     """
 
     def __init__(self, num_envs: int, device: str) -> None:
