@@ -55,6 +55,7 @@ def test_what_tells_no_training_from_another_is_left_out(tmp_path: Path) -> None
         seed=7,
         checkpoint_every=3,
         video_every=50,
+        logger="wandb",
         contacts=99,
         joints="/home/me/joints.json",
     )

@@ -239,7 +239,7 @@ def test_a_coefficient_is_not_told(law: str) -> None:
         ("--task.friction.spread 0 0", "trains without friction"),
         ("--method hinf --task.friction.range 0 0", "--method hinf with a range"),
         ("--method dreamwaq --friction-level 0 --task.friction.range 0 1", "at --friction-level 0 trains without"),
-        ("--robot go2", "that the joints of go2 have, which nobody has measured"),
+        ("--robot go2", "and that of go2 is not known"),
         ("--robot go2 --method hinf --task.friction.range 0 1.2", "--method hinf draws multiples of the friction"),
     ],
 )

@@ -167,7 +167,7 @@ class Display:
 
     @property
     def view(self) -> Group:
-        """What a terminal shows."""
+        """Display on a terminal."""
         return Group(self._bars, self._note)
 
     def __call__(self, phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 AGAIN = ("resume", "json", "view", "config.task.robot", "config.task.rewards.own")
-"""Options beside --resume. Two may name a module and have to be given again: a module that a file names is not run."""
+"""Options that --resume allows. Two may name a module, and are typed again: a module that a file names is not run."""
 
 
 def main(arguments: list[str]) -> int:
@@ -33,12 +33,12 @@ def main(arguments: list[str]) -> int:
     # Only the first of torchrun's processes prints; the others would say everything again.
     if os.environ.get("RANK", "0") != "0":
         return _follow(arguments)
-    options, base, given = parse_given(arguments)
+    options, base, typed = parse_given(arguments)
     if options.view:
         require("view")
     if options.resume is not None:
-        return _resume(options, given)
-    return _run(options, *_begin(options, base, given, shlex.join(["stiction", "train", *arguments])))
+        return _resume(options, typed)
+    return _run(options, *_begin(options, base, typed, shlex.join(["stiction", "train", *arguments])))
 
 
 def _follow(arguments: list[str]) -> int:
@@ -72,34 +72,34 @@ def _follow(arguments: list[str]) -> int:
     return 0
 
 
-def _begin(options: Train, base: TrainCfg, given: Given, command: str) -> tuple[RunDirectory, TrainCfg]:
-    """Make the folder of a new run. base: its configuration before anything was given."""
+def _begin(options: Train, base: TrainCfg, typed: Given, command: str) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run. base: its configuration before the typed options."""
     from stiction.api.training import begin
     from stiction.learning.ranks import named_ranks
 
-    friction = (typed for path, typed in given.typed.items() if path.startswith("config.task.friction."))
-    if options.friction_from is not None and (other := next(friction, None)):
-        raise ConfigurationError(exclusion("--friction-from", other))
+    friction = (flag for path, flag in typed.typed.items() if path.startswith("config.task.friction."))
+    if options.friction_from is not None and (flag := next(friction, None)):
+        raise ConfigurationError(exclusion("--friction-from", flag))
     friction_from, joint_map, ranks = options.friction_from, options.joint_map, named_ranks()
     return begin(options.out, options.config, base, command, friction_from, joint_map, _say, ranks)
 
 
 def _say(line: str) -> None:
-    """Print what the user must know on standard error."""
+    """Print a note on standard error."""
     print(f"stiction train: {line}", file=sys.stderr)
 
 
-def _resume(options: Train, given: Given) -> int:
-    """Go on with a run; say so and do nothing where it is finished."""
+def _resume(options: Train, typed: Given) -> int:
+    """Go on with a run; report one that is finished already."""
     from stiction.learning.run import RunDirectory
 
     assert options.resume is not None
     # Options with their default values too: the run continues as its config.json says.
-    for path, typed in given.typed.items():
+    for path, flag in typed.typed.items():
         if path not in AGAIN:
-            raise ConfigurationError(exclusion("--resume", typed))
+            raise ConfigurationError(exclusion("--resume", flag))
     run, task = RunDirectory(options.resume), options.config.task
-    if "config.task.robot" in given.values:
+    if "config.task.robot" in typed.values:
         run.adopt(task.robot)
     if run.finished:
         run.header()  # a folder with a summary alone is no run

@@ -81,17 +81,17 @@ def run_folders(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise FileError(f"{folder} is no folder; expected one with runs of `stiction train`: stiction runs runs")
-    found, waiting, count = [], [(folder, 0)], 0
+    runs, waiting, count = [], [(folder, 0)], 0
     while waiting:
         place, depth = waiting.pop()
         if (place / "config.json").is_file():
-            found.append(place)
+            runs.append(place)
             continue
         count += 1
         if count > MOST_FOLDERS:
             raise FileError(f"{folder} has over {MOST_FOLDERS} folders; name one with fewer, where the runs are")
         waiting += [(below, depth + 1) for below in _folders(place) if depth < DEPTH]
-    return found
+    return runs
 
 
 def _folders(place: Path) -> Iterator[Path]:

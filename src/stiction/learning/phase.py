@@ -37,7 +37,7 @@ Film = Callable[[str, int, Path], None]
 
 
 class Interrupted(TrainingError):
-    """The run was asked to stop, and did so with a checkpoint."""
+    """A run was asked to stop, and has written a checkpoint."""
 
 
 @contextlib.contextmanager
@@ -60,7 +60,7 @@ def check_moments(optimizer: torch.optim.Optimizer) -> None:
 
 
 def film_due(iteration: int, every: int, last: bool) -> bool:
-    """Say whether a clip is due: every so many iterations, and at the end unless one was just made."""
+    """Return whether a clip is due: every so many iterations, and at the end unless one was just made."""
     return every > 0 and (iteration % every == 0 or (last and 2 * (iteration % every) >= every))
 
 
@@ -82,9 +82,9 @@ class PhaseRunner(OnPolicyRunner):
     film: Film = lambda *_: None
     ranks: Ranks = ALONE
     called: str = "teacher"
-    """What people are told that the phase is called."""
+    """Name of the phase in messages."""
     stopped: dict[str, float] | None = None
-    """The means with which the phase reached its target and ended early."""
+    """Means with which the phase reached its target and ended early."""
 
     def __post_init__(self) -> None:
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
@@ -112,7 +112,7 @@ class PhaseRunner(OnPolicyRunner):
 
     @property
     def finished(self) -> bool:
-        """Whether the phase has made all its iterations, or reached its target and made the quiet ones."""
+        """True if the phase has made all its iterations, or reached its target and made the quiet ones."""
         alg, made = self.alg, self.current_learning_iteration
         quiet = isinstance(alg, AdaptationPPO) and made < alg.quiet_from + alg.quiet_for
         return made >= self.iterations or (self.stopped is not None and not quiet)
@@ -174,7 +174,7 @@ class PhaseRunner(OnPolicyRunner):
         return figures | self.episodes.means() | self._policy_figures() | friction_figures(self.env)
 
     def _policy_figures(self) -> dict[str, float]:
-        """Return what the updated policy is like."""
+        """Return the figures of the updated policy."""
         policy = self.alg.get_policy()
         figures = {"action_std": float(policy.std.mean())}
         if isinstance(self.alg, AdaptationPPO):

@@ -44,8 +44,8 @@ def _distribution(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str,
 def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
     """Return rsl_rl's configuration of an actor; a new one for each, for rsl_rl takes it apart while it reads it."""
     distribution = _distribution(cfg, largest_std)
-    own = {"class_name": "stiction.learning.models:RMAActor"} if cfg.method.actor is None else cfg.method.actor(cfg)
-    return {**own, "network": cfg.network, "distribution_cfg": distribution}
+    actor = {"class_name": "stiction.learning.models:RMAActor"} if cfg.method.actor is None else cfg.method.actor(cfg)
+    return {**actor, "network": cfg.network, "distribution_cfg": distribution}
 
 
 def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
@@ -55,8 +55,8 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
         noise = falling if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
-    algorithm = cfg.method.algorithm
-    own = {"class_name": "stiction.learning.ppo:AdaptationPPO"} if algorithm is None else algorithm(cfg)
+    method = cfg.method.algorithm
+    algorithm = {"class_name": "stiction.learning.ppo:AdaptationPPO"} if method is None else method(cfg)
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
@@ -64,7 +64,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         "actor": _actor(cfg),
         "critic": {"class_name": "stiction.learning.models:RMACritic", "network": cfg.network},
         "algorithm": {
-            **own,
+            **algorithm,
             "settings": teacher if first else replace(teacher, latent="history", both_ways=False, quiet=0),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
@@ -173,7 +173,7 @@ def _forget_after(run: RunDirectory, phase: PhaseRunner, due: bool = True) -> No
 
 
 def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: PhaseRunner) -> dict[str, Any]:
-    """Return what a finished run says of itself; `stopped` names the phases that reached their target early."""
+    """Return the summary of a finished run; `stopped` names the phases that reached their target early."""
     rows = run.rows()
     phases = {"teacher": (teacher, cfg.teacher.steps), "student": (student, cfg.student.steps)}
     return {

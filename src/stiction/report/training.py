@@ -57,8 +57,8 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("std of the actions", {"action_std": "std"}),
     ("KL divergence of an update", {"kl": "kl"}),
 )
-"""Axis label -> figures drawn in it. All are of the noisy, pushed, randomised training, not of an evaluation. What a
-run does not have (an old one, flat ground) has no panel."""
+"""Axis label -> figures drawn in it. All are of the noisy, pushed, randomised training, not of an evaluation. Figures
+that a run lacks (an old one, flat ground) have no panel."""
 
 COLUMNS = 3
 """Panels side by side."""
@@ -166,7 +166,7 @@ SIDES = {
     "motor_side": "motor side: the joint's friction is not in it, and a simulation with this net keeps its own",
     "output_side": "output side: dry and viscous friction are in it, and a simulation with this net drops its own",
 }
-"""Torque source -> what it means for the simulation."""
+"""Torque source -> consequence for the simulation."""
 
 BASELINE = (
     "The analytic law beside it is the PD law with the log's own gains, limited, less Coulomb and viscous friction of "
@@ -203,21 +203,21 @@ def write_actuator_page(folder: Path) -> Path:
 
 def is_worse(summary: dict[str, Any]) -> bool:
     """Return whether the analytic law is the better model of runs that were kept out."""
-    found = summary["rmse"]["validation"]
-    return bool(found["net"] > 1.1 * found["baseline"])
+    errors = summary["rmse"]["validation"]
+    return bool(errors["net"] > 1.1 * errors["baseline"])
 
 
 def lead(summary: dict[str, Any]) -> str:
     """Return the answer: the error on runs that were kept out, beside that of the analytic law."""
     net, law = (summary["rmse"]["validation"][name] for name in ("net", "baseline"))
     if net < 0.9 * law:
-        said = f"{1 - net / law:.0%} less than the PD law with fitted friction"
+        comparison = f"{1 - net / law:.0%} less than the PD law with fitted friction"
     elif is_worse(summary):
-        said = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
+        comparison = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
     else:
-        said = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"
+        comparison = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"
     return (
-        f"On runs that it was not fitted to, the net errs by {100 * net:.2f} % of the torque limit, {said} "
+        f"On runs that it was not fitted to, the net errs by {100 * net:.2f} % of the torque limit, {comparison} "
         f"({100 * law:.2f} %). Inputs: {INPUT_SETS[summary['inputs']]}, H = {summary['history']}."
     )
 
@@ -226,7 +226,7 @@ def joint_table(summary: dict[str, Any]) -> Markup:
     """Return the errors of every joint in N m."""
     header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f", "B", "λ"]
     names = "net_training", "net_validation", "baseline_training", "baseline_validation", "coulomb", "viscous", "later"
-    rows = [[joint, *(f"{found[name]:.3f}" for name in names)] for joint, found in summary["joints"].items()]
+    rows = [[joint, *(f"{errors[name]:.3f}" for name in names)] for joint, errors in summary["joints"].items()]
     return table(header, rows, "Root mean square error in N m; f [N m], B [N m s/rad] and λ of the law.")
 
 
@@ -245,7 +245,7 @@ def command_table(summary: dict[str, Any]) -> Markup:
 
 
 def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Markup:
-    """Return what the net is and what it was fitted to."""
+    """Return the table of the net and its logs."""
     rows = [
         ("robot", net.robot),
         ("torque", SIDES[net.torque_source]),
