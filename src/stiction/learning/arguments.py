@@ -27,11 +27,12 @@ The presets full and quick learn in one phase. The paper's two, a teacher (PPO, 
 
 Watch it: the terminal shows the time left, a busy machine and how the robots walk (`nohup stiction train ... 2>
 train.log &` writes a line every 30 s); report.html in the run's folder shows curves and the newest clip, and reloads
-itself. `tensorboard --logdir runs`, or another --logger, shows every figure: reward/* (weighted terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
-privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*, those of an installed method, and rsl_rl's Train/mean_reward and
-Train/mean_episode_length (last 100 episodes). A short clip of the policy at
-0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
+itself. `tensorboard --logdir runs`, or another --logger, shows every figure: reward/* (weighted terms), walk/*
+(tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the privileged
+encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean (multipliers of the
+nominal friction), terrain/*, those of an installed method, and rsl_rl's Train/mean_reward and Train/mean_episode_length
+(last 100 episodes). A short clip of the policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the
+newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for

@@ -239,8 +239,8 @@ class TrainCfg:
     seed: int = 0
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
-    """How left-right symmetry is enforced. `batches`: mirror images of all samples, at twice the update's cost. `half`: at
-    no cost, in half as many passes. `network`: networks symmetric by construction."""
+    """How left-right symmetry is enforced. `batches`: samples and mirror images, at twice the update's cost. `half`:
+    at no cost, in half as many passes. `network`: networks symmetric by construction."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = field(
