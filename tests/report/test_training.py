@@ -34,7 +34,9 @@ def test_curves_are_a_picture(tmp_path: Path) -> None:
 def run_folder(path: Path) -> Path:
     """A run of three iterations of each phase, as far as its page reads it."""
     path.mkdir()
-    (path / "config.json").write_text(json.dumps({"command": "stiction train", "config": {"seed": 7}}))
+    (path / "config.json").write_text(
+        json.dumps({"command": "stiction train", "config": {"seed": 7, "student": {"iterations": 3}}})
+    )
     (path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows(3)))
     return path
 
@@ -49,7 +51,7 @@ def test_the_live_page_shows_the_state_of_a_run(tmp_path: Path) -> None:
     page = training_page(run, ["Running: 5/6, 4 min left.", "reward 0.04"], refresh=42.4)
     assert '<meta http-equiv="refresh" content="42">' in page
     assert "Training first" in page and "Running: 5/6, 4 min left.<br>reward 0.04" in page
-    assert "after iteration 100 of the student" in page and data_uri(b"student_000100.webp", "image/webp") in page
+    assert "After iteration 100 of the student." in page and data_uri(b"student_000100.webp", "image/webp") in page
     (svg,) = re.findall(r"data:image/svg\+xml;base64,([^\"]+)", page)
     text = base64.b64decode(svg).decode()
     assert "tracking error [m/s]" in text and "KL divergence" in text

@@ -148,13 +148,14 @@ def training_page(run: Path, lines: Sequence[str], panels: int = len(PANELS), re
     """
     header, rows = read_object(run / "config.json", "that of `stiction train`"), read_metrics(run / "metrics.jsonl")
     sections = []
-    if clip := max((run / "clips").glob("*.webp"), key=lambda path: path.stat().st_mtime, default=None):
-        phase, _, iteration = clip.stem.rpartition("_")
-        caption = f"The policy after iteration {int(iteration)} of the {phase}."
-        sections.append(Section("Newest clip", (picture(file_uri(clip), caption),)))
     if rows:
         note = "Figures of the noisy, pushed and randomised training, not of an evaluation."
         sections.append(Section("Curves", (picture(svg_uri(_curves(rows, panels)), note),)))
+    if clip := max((run / "clips").glob("*.webp"), key=lambda path: path.stat().st_mtime, default=None):
+        phase, _, iteration = clip.stem.rpartition("_")
+        # The only phase of a training has no name.
+        part = f" of the {phase}" if header["config"].get("student", {}).get("iterations") else ""
+        sections.append(Section("Newest clip", (picture(file_uri(clip), f"After iteration {int(iteration)}{part}."),)))
     sections.append(Section("Settings", (fold("All settings", [settings_table(header["config"])]),)))
     now = f"{datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"
     state = f"As of {now}; written anew about every {refresh:.0f} s while the training runs." if refresh else ""
