@@ -240,7 +240,10 @@ def test_a_coefficient_is_not_told(law: str) -> None:
         ("--method hinf --task.friction.range 0 0", "--method hinf with a range"),
         ("--method dreamwaq --friction-level 0 --task.friction.range 0 1", "at --friction-level 0 trains without"),
         ("--robot go2", "and that of go2 is not known"),
-        ("--robot go2 --method hinf --task.friction.range 0 1.2", "--method hinf draws multiples of the friction"),
+        (
+            "--robot go2 --method hinf --task.friction.range 0 1.2",
+            "--method hinf draws multiples of the joints' nominal friction",
+        ),
     ],
 )
 def test_friction_that_cannot_be_there_is_refused(words: str, said: str, tmp_path: Path) -> None:
