@@ -12,8 +12,7 @@ from attacks import attack, copy_run
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted
-from stiction.learning.run import RunDirectory, load_checkpoint, save_checkpoint
+from stiction.learning.run import Interrupted, RunDirectory, load_checkpoint, save_checkpoint
 from stiction.learning.runner import load_student, train
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg

@@ -18,7 +18,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.learning.begin import begin_run
 from stiction.learning.boards import Board, as_gif, open_board
 from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted
+from stiction.learning.run import Interrupted
 
 CFG = TrainCfg(teacher=TeacherCfg(iterations=10), student=StudentCfg(iterations=5))
 

@@ -17,8 +17,8 @@ from stiction.deploy.policy import Network
 from stiction.evaluation.export import export_network
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.models import StudentPolicy
-from stiction.learning.phase import Interrupted, PhaseRunner
-from stiction.learning.run import RunDirectory
+from stiction.learning.phase import PhaseRunner
+from stiction.learning.run import Interrupted, RunDirectory
 from stiction.learning.runner import load_actor, load_student, train
 from stiction.learning.symmetry import EquivariantLinear, make_equivariant
 from stiction.robots.physics import PhysicsCfg

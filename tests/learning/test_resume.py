@@ -13,9 +13,9 @@ from stiction.core.errors import StictionError
 from stiction.learning import phase
 from stiction.learning import run as checkpoint
 from stiction.learning.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted, PhaseRunner, film_due
+from stiction.learning.phase import PhaseRunner, film_due
 from stiction.learning.ppo import AdaptationPPO
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.run import Interrupted, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.learning.runner import train
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg

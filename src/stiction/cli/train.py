@@ -43,9 +43,8 @@ def main(arguments: list[str]) -> int:
 
 def _follow(arguments: list[str]) -> int:
     """Train as one of several processes that torchrun has started; the first of them speaks for all."""
-    from stiction.learning.phase import Interrupted
     from stiction.learning.ranks import PeerGone, named_ranks
-    from stiction.learning.run import RunDirectory, identified_values
+    from stiction.learning.run import Interrupted, RunDirectory, identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
 
@@ -118,9 +117,8 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.core.lock import output_folder
     from stiction.evaluation.film import ClipRecorder
     from stiction.learning.boards import open_board
-    from stiction.learning.phase import Interrupted
     from stiction.learning.ranks import named_ranks
-    from stiction.learning.run import identified_values
+    from stiction.learning.run import Interrupted, identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
     from stiction.report.training import LivePage

@@ -19,6 +19,7 @@ from stiction.core.extras import missing_extra
 from stiction.core.files import write_text
 from stiction.files.plain import read_object
 from stiction.learning.config import TrainCfg
+from stiction.learning.run import Interrupted
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -226,8 +227,6 @@ class Board:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the log; a training that was asked to stop has not failed."""
-        from stiction.learning.phase import Interrupted
-
         if self._logger is not None:
             self._try(lambda logger: logger.close(kind is not None and not issubclass(kind, Interrupted)))
             self._logger = None

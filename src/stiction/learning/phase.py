@@ -24,7 +24,15 @@ from stiction.learning.health import EarlyStop, Health
 from stiction.learning.ppo import AdaptationPPO
 from stiction.learning.quick import quicken
 from stiction.learning.ranks import ALONE, Ranks
-from stiction.learning.run import BROKEN, RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.learning.run import (
+    BROKEN,
+    Interrupted,
+    RunDirectory,
+    keep_newest,
+    latest_checkpoint,
+    load_checkpoint,
+    save_checkpoint,
+)
 from stiction.learning.symmetry import make_symmetric
 from stiction.robots.physics import ROWS_FROM
 from stiction.task.env import LocomotionEnv
@@ -34,10 +42,6 @@ Progress = Callable[[str, int, int, dict[str, float]], None]
 
 Film = Callable[[str, int, Path], None]
 """Called with phase, iteration and a checkpoint that is due to be filmed."""
-
-
-class Interrupted(TrainingError):
-    """A run was asked to stop, and has written a checkpoint."""
 
 
 @contextlib.contextmanager

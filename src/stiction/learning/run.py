@@ -161,6 +161,10 @@ OTHERS = ("contract.json", "metrics.jsonl", "summary.json", "checkpoints/*")
 HOLDS_ONE = "{} holds a run already; resume it with --resume, or name another folder with --out"
 
 
+class Interrupted(TrainingError):
+    """A training was asked to stop, and has written a checkpoint."""
+
+
 class RunDirectory:
     """The files of one training run."""
 
