@@ -38,7 +38,7 @@ class KnownActor:
 
 
 def observation(explicit: list) -> TensorDict:
-    """What the estimate is compared with."""
+    """Return observations with the true values of the estimate."""
     truth = torch.tensor(explicit)
     return TensorDict({"history": torch.zeros(len(truth), 1), "explicit": truth}, batch_size=[len(truth)])
 

@@ -236,5 +236,5 @@ def test_other_matrix_products_are_named_where_a_run_goes_on(
     monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 1))
     with pytest.raises(Killed):
         main(["train", "--resume", str(run.path)])
-    (said,) = [line for line in capsys.readouterr().err.splitlines() if "matrix products" in line]
-    assert said.startswith("stiction train: warning: teacher_") and "numbers will differ" in said
+    (warning,) = [line for line in capsys.readouterr().err.splitlines() if "matrix products" in line]
+    assert warning.startswith("stiction train: warning: teacher_") and "numbers will differ" in warning
