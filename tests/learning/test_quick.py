@@ -38,7 +38,7 @@ def test_mini_batches_are_those_of_the_library_bit_for_bit() -> None:
         assert all(torch.equal(getattr(ours, name), getattr(theirs, name)) for name in fields)
         assert all(torch.equal(ours.observations[name], theirs.observations[name]) for name in ("a", "b"))
         pairs = zip(ours.old_distribution_params, theirs.old_distribution_params, strict=True)
-        assert all(torch.equal(first, second) for one, other in pairs)
+        assert all(torch.equal(first, second) for first, second in pairs)
         ours.advantages = (ours.advantages - ours.advantages.mean()) / ours.advantages.std()
         ours.observations = torch.cat([ours.observations, ours.observations])
         batches += 1
