@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -119,8 +120,11 @@ class LivePage:
 
     def update(self, lines: Sequence[str]) -> None:
         """Write the page where it is due. lines: state of the training, the first one with the time left."""
-        if (start := self.clock()) < self._due:
+        if self.clock() < self._due:
             return
+        # Before the cost of a version is measured: imported once, and at the end of a training in any case.
+        import_module("matplotlib.backends.backend_svg")
+        start = self.clock()
         self._write(lines, LIVE_PANELS, self._wait)
         end = self.clock()
         self._wait = max(PAGE_EVERY, (end - start) / PAGE_SHARE)
