@@ -86,8 +86,7 @@ def runs() -> tuple[Path, Path, tempfile.TemporaryDirectory]:
     import test_attacked_runs as attacked
 
     from attacks import copy_run
-    from stiction.learning.phase import Interrupted
-    from stiction.learning.run import RunDirectory
+    from stiction.learning.run import Interrupted, RunDirectory
     from stiction.learning.runner import train
 
     folder = tempfile.TemporaryDirectory()

@@ -1,11 +1,12 @@
 """Progress: the time left of the whole run, and lines that a log file can keep."""
 
 import io
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from stiction.cli.progress import Display, RunClock
+from stiction.cli.progress import Display, RunClock, busy_text, processor_times
 from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -53,7 +54,7 @@ def test_the_time_left_follows_a_machine_that_slows_down() -> None:
 def test_a_file_gets_a_line_every_half_minute() -> None:
     """A log of a night must show that the run goes on, in few lines: begin, every 30 s, end of each phase."""
     now, file = [0.0], io.StringIO()
-    display = Display(CFG, Console(file=file, width=40), clock=lambda: now[0])
+    display = Display(CFG, Console(file=file, width=40), lambda: now[0], lambda: (now[0], now[0], 0.0))
     for iteration in range(1, 101):
         now[0] += 2.0
         display("teacher", iteration, 100, FIGURES)
@@ -67,3 +68,46 @@ def test_a_file_gets_a_line_every_half_minute() -> None:
         "teacher 1/100: 4 min left, 5,321 env-steps/s, reward 0.0400, error 0.171 m/s, tripod 52%, falls 0.000/s, "
         "friction 0 to 0.24"
     )
+
+
+@pytest.mark.parametrize(
+    ("now", "load", "text"),
+    [
+        # Ten seconds in which the process had 6 s of a core and waited 4 s for it.
+        ((10.0, 6.0, 4.0), 0.0, "machine busy: this process gets 0.6 of a core"),
+        # Two threads: 12 s of the 20 s that they could have computed.
+        ((10.0, 12.0, 8.0), 0.0, "machine busy: this process gets 1.2 of the 2.0 cores that it can use"),
+        # 10 % of the time waiting, and one that waits for a disk or a GPU: neither is other people's work.
+        ((10.0, 9.0, 1.0), 9.0, ""),
+        ((10.0, 3.0, 0.0), 9.0, ""),
+        # No more than its two threads can use.
+        ((10.0, 5.0, 90.0), 0.0, "machine busy: this process gets 0.5 of the 2.0 cores that it can use"),
+        # Not counted: by the load of the machine.
+        ((10.0, 6.0, None), 1.5, "machine busy: this process gets 0.6 of a core"),
+        ((10.0, 6.0, None), 0.8, ""),
+        ((10.0, 9.5, None), 1.5, ""),
+        # Too short to be judged.
+        ((4.0, 1.0, 3.0), 9.0, ""),
+    ],
+)
+def test_a_busy_machine_is_told(now: tuple, load: float, text: str) -> None:
+    """Names what the process gets of what it could use, where a fifth of the time or more is lost to other work."""
+    assert busy_text((0.0, 0.0, None if now[2] is None else 0.0), now, load, threads=2) == text
+
+
+def test_the_time_left_is_told_with_what_takes_the_machine() -> None:
+    """Begins the line in a log file; the window is that of the last 20 iterations, as for the time left."""
+    times = iter([(0.0, 0.0, 0.0), *((100.0 + 2 * n, 100.0 + n, float(n)) for n in range(21))])
+    clock = RunClock(CFG, lambda: next(times))
+    for _ in range(21):
+        clock.add("student", FIGURES | {"seconds": 2.0})
+    assert clock.left("student", 20) == "1 min left (machine busy: this process gets 0.5 of a core)"
+
+
+def test_waiting_is_counted_over_all_threads(tmp_path: Path) -> None:
+    """Adds the second number of each schedstat [ns]; a thread that has just ended counts nothing."""
+    for number, text in ((1, "5 2000000000 7\n"), (2, "5 500000000 7\n"), (3, "")):
+        (tmp_path / str(number)).mkdir()
+        (tmp_path / str(number) / "schedstat").write_text(text)
+    assert processor_times(tmp_path)[2] == pytest.approx(2.5)
+    assert processor_times(tmp_path / "none")[2] is None

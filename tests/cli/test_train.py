@@ -62,22 +62,23 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
     record = {"inertia": number, "viscous_friction": number, "coulomb_friction": number}
     conditions = {"calf": "bare_motor", "thigh": "loaded"}
     joints = {
-        kind: JointRecord.from_dict(record | {"test_condition": given}, kind) for kind, given in conditions.items()
+        kind: JointRecord.from_dict(record | {"test_condition": condition}, kind)
+        for kind, condition in conditions.items()
     }
     JointsFile(joints).write(tmp_path / "joints.json")
     options = ["--joints", str(tmp_path / "joints.json"), "--method", "direct"]
     assert main(["train", *SMALL, *options, "--out", str(tmp_path / "own")]) == 0
     header = json.loads((tmp_path / "own" / "config.json").read_text())
     assert header["identified"]["file"] == "joints.json"
-    values = {name: found[:3] for name, found in header["identified"]["values"].items()}
+    values = {name: joint[:3] for name, joint in header["identified"]["values"].items()}
     assert values.pop("armature") == [None, None, 0.02]
     assert values == {"damping": [None, 0.02, 0.02], "frictionloss": [None, 0.02, 0.02]}
-    said = capsys.readouterr().err
-    assert "warning: the inertia of 'thigh' was measured loaded" in said
+    printed = capsys.readouterr().err
+    assert "warning: the inertia of 'thigh' was measured loaded" in printed
     assert (
         "thigh: damping, frictionloss from joints.json; calf: armature, damping, frictionloss from joints.json; hip: "
         "nothing from joints.json; all else as in the robot go1\n"
-    ) in said
+    ) in printed
     assert main(["train", *SMALL, *options, "--friction-level", "0.1", "--out", str(tmp_path / "level")]) == 0
     for run, expected in (("own", 0.02), ("level", 0.1 * 35.55)):
         path = latest_checkpoint(tmp_path / run / "checkpoints", "student")
@@ -155,7 +156,7 @@ def test_what_holds_a_joint_at_rest_is_drawn_too(tmp_path: Path, capsys: pytest.
 
 
 @pytest.mark.parametrize(
-    ("friction", "said"),
+    ("friction", "message"),
     [
         (None, "proposes no joint friction"),
         ({"method": "deception"}, "at least 'method' and 'level'"),
@@ -168,14 +169,14 @@ def test_what_holds_a_joint_at_rest_is_drawn_too(tmp_path: Path, capsys: pytest.
     ],
 )
 def test_a_bad_proposal_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture, friction: dict | None, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture, friction: dict | None, message: str
 ) -> None:
     """The file may have been edited by hand."""
     write_training(tmp_path / "training.json", {"friction": friction, "text": "no ratio"})
     options = ["--friction-from", str(tmp_path / "training.json"), "--out", str(tmp_path / "run")]
     assert main(["train", *but(SMALL, *options)]) == 1
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1 and not (tmp_path / "run").exists()
+    assert message in error and error.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 def test_a_signal_ends_the_run_where_it_can_go_on(
@@ -208,10 +209,10 @@ def test_a_signal_ends_the_run_where_it_can_go_on(
 
 def test_a_second_signal_does_not_wait() -> None:
     """A rollout of thousands of robots can take a minute: who presses Ctrl-C twice means it."""
-    said: list[str] = []
-    with stop_requests(said.append, "this iteration") as asked:
+    printed: list[str] = []
+    with stop_requests(printed.append, "this iteration") as asked:
         os.kill(os.getpid(), signal.SIGINT)
-        assert asked() and asked.status == 130 and len(said) == 1
+        assert asked() and asked.status == 130 and len(printed) == 1
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
 
@@ -246,7 +247,7 @@ def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """What came, what was expected; no traceback, and no folder left behind."""
+    """Names the value and the expected one; no traceback, and no folder left behind."""
     cases = [
         (["--robot", "nobody"], "nobody"),
         (["--joints", str(tmp_path / "none.json")], "none.json"),
@@ -288,8 +289,8 @@ def test_no_run_begins_among_files_of_another(name: str, tmp_path: Path, capsys:
     file.parent.mkdir(exist_ok=True)
     file.write_text("{}")
     assert main(["train", *SMALL, "--out", str(tmp_path)]) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and f"holds {name}, of a bundle or of a run without its config.json" in said
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1 and f"holds {name}, of a bundle or of a run without its config.json" in printed
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [file]
 
 
@@ -301,9 +302,9 @@ def test_a_finished_run_that_lost_a_file_says_which(tmp_path: Path, capsys: pyte
         file.unlink()
     capsys.readouterr()
     assert main(["export", str(run)]) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "is finished, and has no whole checkpoint of its student any more" in said
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1 and "is finished, and has no whole checkpoint of its student any more" in printed
     (run / "config.json").write_text("[]")
     assert main(["train", "--resume", str(run)]) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "config.json: holds a list" in said
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1 and "config.json: holds a list" in printed

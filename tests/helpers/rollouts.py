@@ -6,8 +6,8 @@ from pathlib import Path
 
 import torch
 
+from stiction.learning.boards import open_board
 from stiction.learning.config import TrainCfg
-from stiction.learning.figures import Board
 from stiction.learning.phase import PhaseRunner
 from stiction.learning.ranks import ALONE, Ranks
 from stiction.learning.run import RunDirectory
@@ -24,7 +24,7 @@ def phase_runner(
     run.checkpoints.mkdir(parents=True, exist_ok=True)
     task = LocomotionEnv(cfg.task, cfg.num_envs, seed=0) if env is None else env
     settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    return PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, Board(folder / "tb"), ranks=ranks)
+    return PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, open_board(folder, cfg), ranks=ranks)
 
 
 def rollout(runner: PhaseRunner) -> None:

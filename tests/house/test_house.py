@@ -126,11 +126,11 @@ def test_every_package_imported_is_a_declared_dependency() -> None:
         assert not undeclared, f"add to {folder.name}/pyproject.toml: {undeclared}"
 
 
-def test_training_on_the_processor_needs_no_gpu_package() -> None:
-    """If this failed, `stiction[train]` alone could not train: only what --device asks for is imported."""
+def test_training_needs_no_package_of_another_device_or_logger() -> None:
+    """Imports only what --device and --logger ask for: `stiction[train]` alone can train."""
     theirs = {"sim/warp.py", "sim/worlds.py", "sim/torch_fleet.py"}
     modules = [path for path in MODULES if NAMES[path] not in theirs]
-    assert not [NAMES[path] for path in modules if {"warp", "mujoco_warp"} & set(loaded(path))]
+    assert not [NAMES[path] for path in modules if {"warp", "mujoco_warp", "wandb", "trackio"} & set(loaded(path))]
 
 
 def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:

@@ -91,8 +91,8 @@ def test_every_group_has_its_configuration(
         assert getattr(cfg, "frictionloss" if to == "mjlab" else "dynamic_friction") == 0.0
     with pytest.raises(ValueError, match=r"got a physics step of 0.002 s, expected 0.005 s"):
         space["actuators"](0.002)
-    own = configured(actuator_files(net(), to), tmp_path, module, name)["actuators"](0.005)
-    assert not any(hasattr(cfg, "frictionloss") or hasattr(cfg, "friction") for cfg in own.values())
+    configurations = configured(actuator_files(net(), to), tmp_path, module, name)["actuators"](0.005)
+    assert not any(hasattr(cfg, "frictionloss") or hasattr(cfg, "friction") for cfg in configurations.values())
 
 
 def test_a_net_without_the_target_is_refused() -> None:
@@ -110,5 +110,7 @@ def test_a_user_converts_a_net(tmp_path: Path, capsys: pytest.CaptureFixture) ->
     assert main(["convert", str(tmp_path), "--to", "mjlab", "--out", str(out)]) == 1
     assert main(["convert", str(tmp_path / "actuator.npz"), "--to", "urdf"]) == 1
     assert main(["convert", str(tmp_path), "--to", "mjlab", "--out", str(out), "--joint-map", "a=b"]) == 1
-    *_, there, target, ignored = capsys.readouterr().err.splitlines()
-    assert "exists already" in there and "expected one Actuator Net, --to mjlab" in target and "--joint-map" in ignored
+    *_, existing, target, ignored = capsys.readouterr().err.splitlines()
+    assert (
+        "exists already" in existing and "expected one Actuator Net, --to mjlab" in target and "--joint-map" in ignored
+    )

@@ -12,8 +12,7 @@ from attacks import attack, copy_run
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted
-from stiction.learning.run import RunDirectory, load_checkpoint, save_checkpoint
+from stiction.learning.run import Interrupted, RunDirectory, load_checkpoint, save_checkpoint
 from stiction.learning.runner import load_student, train
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -58,9 +57,9 @@ def test_an_attacked_run_is_refused_in_one_line_or_is_the_same(
         half = copy_run(runs[0], tmp_path / "half")
         done = attack(half, seed)
         status = main(["train", "--resume", str(half)])
-        said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("stiction train: ")]
-        said = [line for line in said if "warning: " not in line]
-        assert status in (0, 1) and "unforeseen" not in " ".join(said) and len(said) <= 1, (seed, done, said)
+        printed = [line for line in capsys.readouterr().err.splitlines() if line.startswith("stiction train: ")]
+        printed = [line for line in printed if "warning: " not in line]
+        assert status in (0, 1) and "unforeseen" not in " ".join(printed) and len(printed) <= 1, (seed, done, printed)
         refused += status
         whole = copy_run(runs[1], tmp_path / "whole")
         done = attack(whole, seed)
@@ -95,8 +94,8 @@ def test_no_file_of_a_run_may_be_a_pipe(
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
-    said = capsys.readouterr().err
-    assert statuses == (1, 1) and file.name in said and "unforeseen" not in said, said
+    printed = capsys.readouterr().err
+    assert statuses == (1, 1) and file.name in printed and "unforeseen" not in printed, printed
 
 
 @pytest.mark.parametrize("part", ["exp_avg", "embed"])
@@ -115,8 +114,8 @@ def test_a_forged_checkpoint_with_a_number_for_a_tensor_is_refused(
         next(iter(tree["algorithm"]["optimizer_state_dict"]["state"].values()))["exp_avg"] = 1.0
     save_checkpoint(newest, tree)
     assert main(verb) == 1
-    said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "unforeseen" not in said and newest.name in said, said
+    printed = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "unforeseen" not in printed and newest.name in printed, printed
 
 
 def test_every_flipped_bit_of_a_checkpoint_is_found(runs: tuple[Path, Path], tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from stiction.deploy.policy import Network
 from stiction.evaluation.export import export_network
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.models import StudentPolicy
-from stiction.learning.phase import Interrupted, PhaseRunner
-from stiction.learning.run import RunDirectory
+from stiction.learning.phase import PhaseRunner
+from stiction.learning.run import Interrupted, RunDirectory
 from stiction.learning.runner import load_actor, load_student, train
 from stiction.learning.symmetry import EquivariantLinear, make_equivariant
 from stiction.robots.physics import PhysicsCfg
@@ -165,7 +165,7 @@ def test_a_layer_by_hand() -> None:
 
 
 def test_a_run_and_its_exported_student(tmp_path: Path) -> None:
-    """What is loaded from a checkpoint, and what ONNX computes, is the symmetric policy that was trained."""
+    """A loaded checkpoint and its ONNX network are the symmetric policy that was trained."""
     run = RunDirectory.create(tmp_path / "run", STAIRS, "c", None)
     train(STAIRS, run)
     env = LocomotionEnv(STAIRS.task, 8, seed=0)
@@ -213,7 +213,7 @@ def test_a_symmetric_policy_has_a_first_step_on_either_side(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("cfg", [replace(CFG, symmetry="half"), CFG, ALONE], ids=["half", "network", "rows at last"])
 def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, cfg: TrainCfg) -> None:
-    """Which samples are mirrored, one standard deviation of left and right, and what holds the joints: bit by bit."""
+    """Mirrored samples, the standard deviations of left and right, and the joints' physics resume bit by bit."""
     cfg = replace(cfg, checkpoint_every=1)
     whole, parts = (RunDirectory.create(tmp_path / name, cfg, "c", None) for name in ("whole", "parts"))
     train(cfg, whole)

@@ -29,7 +29,7 @@ def first_diagnosis(rows: list[dict], num_envs: int = 100) -> tuple[int, Diagnos
 
 
 @pytest.mark.parametrize(
-    ("change", "lasting", "said"),
+    ("change", "lasting", "symptom"),
     [
         ({"reward": math.nan}, 1, "reward not finite"),
         ({"loss/value": 2.1}, 10, "median before was 0.02"),
@@ -41,14 +41,14 @@ def first_diagnosis(rows: list[dict], num_envs: int = 100) -> tuple[int, Diagnos
         ({"walk/falls": 4.0}, 50, "after 0.25 s"),
     ],
 )
-def test_each_way_to_diverge_is_found_after_it_has_lasted(change: dict, lasting: int, said: str) -> None:
+def test_each_way_to_diverge_is_found_after_it_has_lasted(change: dict, lasting: int, symptom: str) -> None:
     """Without this a run goes on for hours after it is lost; what is seen, and since when, must be said."""
     rows = [USUAL] * 30 + [USUAL | change] * 60
-    found = first_diagnosis(rows)
-    assert found is not None
-    iteration, diagnosis = found
+    first = first_diagnosis(rows)
+    assert first is not None
+    iteration, diagnosis = first
     assert iteration == 30 + lasting and diagnosis.since == 31
-    assert said in diagnosis.what and diagnosis.advice
+    assert symptom in diagnosis.what and diagnosis.advice
     assert first_diagnosis(rows[: 30 + lasting - 1]) is None
 
 

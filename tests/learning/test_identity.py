@@ -1,4 +1,4 @@
-"""What tells one training from another, worked out by hand."""
+"""Identity of trainings, worked out by hand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DEFAULTS = Path(__file__).parents[1] / "data" / "training_defaults.json"
 
 
 def test_settings_are_what_differs_from_the_defaults() -> None:
-    """If this failed, a bundle would name settings that nobody chose, or lack one that was."""
+    """Names the settings that were chosen, and no other."""
     assert settings_of(TrainCfg()) == {}
     friction = FrictionCfg(spread=(0.5, 1.5), mixture=((0.2, 0.0, 0.0), (0.8, 1.0, 1.0)))
     cfg = TrainCfg(
@@ -49,12 +49,13 @@ def test_settings_are_what_differs_from_the_defaults() -> None:
 
 
 def test_what_tells_no_training_from_another_is_left_out(tmp_path: Path) -> None:
-    """If this failed, two seeds would count as two trainings, or a bundle would name folders of its maker's machine."""
+    """Leaves out seeds, loggers and files: bundles name no folder of their maker's machine."""
     same = TrainCfg(
         task=TaskCfg(robot="go1"),
         seed=7,
         checkpoint_every=3,
         video_every=50,
+        logger="wandb",
         contacts=99,
         joints="/home/me/joints.json",
     )
@@ -64,7 +65,7 @@ def test_what_tells_no_training_from_another_is_left_out(tmp_path: Path) -> None
 
 
 def test_a_setting_that_is_missing_has_its_default() -> None:
-    """If this failed, a bundle of before a setting existed would be of another training than the same run today."""
+    """Takes an older bundle, without a setting, for the same training as a new one with its default."""
     assert differing({}, {"teacher.quiet": 0}) == [] and difference({}, {"teacher.quiet": 0.0}) is None
     assert differing({"teacher.quiet": 30}, {"num-envs": 1}) == ["num-envs", "teacher.quiet"]
     assert difference({"teacher.quiet": 30}, {}) == ("teacher.quiet 30", "0")

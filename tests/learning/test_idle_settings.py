@@ -209,7 +209,7 @@ def test_what_has_an_effect_is_not(words: str) -> None:
 @pytest.mark.parametrize("method", method_names())
 @pytest.mark.parametrize("where", ["", "--device warp-cpu", "--engine physx"])
 def test_a_preset_with_a_method_is_never_refused(name: str, method: str, where: str) -> None:
-    """What a preset brings along nobody has typed; a method that a preset cannot train says so itself."""
+    """Accepts a preset's own values; a method that a preset cannot train says so itself."""
     words = ["--preset", name, "--method", method, *where.split()]
     one_phase = method in ("dreamwaq", "hinf")
     if one_phase and (name not in ("full", "quick") or (method == "hinf" and "physx" in where)):
@@ -223,7 +223,7 @@ def test_a_preset_with_a_method_is_never_refused(name: str, method: str, where: 
 
 @pytest.mark.parametrize("law", ["load", "effort"])
 def test_a_coefficient_is_not_told(law: str) -> None:
-    """There is no share of the torque limit that a bench could find."""
+    """Rejects a share of the torque limit that no bench could find."""
     words = f"--task.known-friction --friction-law {law} --friction-level 0.1"
     with pytest.raises(
         ConfigurationError, match=r"^--task.known-friction requires --friction-law coulomb or stribeck;"
@@ -232,19 +232,22 @@ def test_a_coefficient_is_not_told(law: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("--task.friction.range 0 0", "--method deception with a range, mixture or spread that ends at 0"),
         ("--task.friction.mixture 1 0 0", "trains without friction"),
         ("--task.friction.spread 0 0", "trains without friction"),
         ("--method hinf --task.friction.range 0 0", "--method hinf with a range"),
         ("--method dreamwaq --friction-level 0 --task.friction.range 0 1", "at --friction-level 0 trains without"),
-        ("--robot go2", "that the joints of go2 have, which nobody has measured"),
-        ("--robot go2 --method hinf --task.friction.range 0 1.2", "--method hinf draws multiples of the friction"),
+        ("--robot go2", "and that of go2 is not known"),
+        (
+            "--robot go2 --method hinf --task.friction.range 0 1.2",
+            "--method hinf draws multiples of the joints' nominal friction",
+        ),
     ],
 )
-def test_friction_that_cannot_be_there_is_refused(words: str, said: str, tmp_path: Path) -> None:
+def test_friction_that_cannot_be_there_is_refused(words: str, message: str, tmp_path: Path) -> None:
     """A run that is named after friction would have none, and its policy be believed to cope with it."""
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=message):
         begin_run(tmp_path / "run", parse(words.split()).config, "stiction train")
     assert not (tmp_path / "run").exists()

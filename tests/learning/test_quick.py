@@ -1,4 +1,4 @@
-"""What makes an update cheaper gives the update that it would have been."""
+"""Cheaper updates of the networks equal the plain ones."""
 
 import pytest
 import torch
@@ -33,16 +33,16 @@ def test_mini_batches_are_those_of_the_library_bit_for_bit() -> None:
     wanted = list(full.mini_batch_generator(3, 2))
     after = torch.rand(1)
     torch.manual_seed(7)
-    found = 0
+    batches = 0
     for ours, theirs in zip(gathered_batches(full, 3, 2), wanted, strict=True):
         assert all(torch.equal(getattr(ours, name), getattr(theirs, name)) for name in fields)
         assert all(torch.equal(ours.observations[name], theirs.observations[name]) for name in ("a", "b"))
         pairs = zip(ours.old_distribution_params, theirs.old_distribution_params, strict=True)
-        assert all(torch.equal(one, other) for one, other in pairs)
+        assert all(torch.equal(first, second) for first, second in pairs)
         ours.advantages = (ours.advantages - ours.advantages.mean()) / ours.advantages.std()
         ours.observations = torch.cat([ours.observations, ours.observations])
-        found += 1
-    assert found == 6 and torch.equal(after, torch.rand(1))
+        batches += 1
+    assert batches == 6 and torch.equal(after, torch.rand(1))
 
 
 def test_the_quick_elu_is_elu_with_its_gradient() -> None:

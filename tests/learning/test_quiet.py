@@ -59,7 +59,7 @@ def test_who_walks_is_deployed_and_the_estimator_alone_learns(tmp_path: Path) ->
 
 
 def test_the_step_falls_and_the_passes_double(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two quiet iterations the first has the whole step, 1e-3, the second half of it; four batches become eight."""
+    """Takes the whole step, 1e-3, in the first of two quiet iterations, half in the second, eight batches each."""
     runner, seen = phase_runner(CFG, tmp_path), []
     take = runner.alg.adaptation_optimizer.step
     monkeypatch.setattr(

@@ -57,8 +57,8 @@ def both(*words: str) -> list[tuple[int, str]]:
     """Run two processes to their ends; return status and standard error of each."""
     port = free_port()
     started = [start(number, port, *words) for number in range(2)]
-    said = [process.communicate(timeout=120)[1] for process in started]
-    return [(process.returncode, text) for process, text in zip(started, said, strict=True)]
+    printed = [process.communicate(timeout=120)[1] for process in started]
+    return [(process.returncode, text) for process, text in zip(started, printed, strict=True)]
 
 
 def until(reached: Callable[[], bool]) -> None:
@@ -72,20 +72,22 @@ def test_two_processes_take_the_step_of_one(tmp_path: Path) -> None:
     """PPO, adaptation, estimator and distillation, advantages and learning rate, over the same transitions."""
     expected = {phase: step_alone(tmp_path / phase, phase) for phase in ("teacher", "student")}
     ended = both(str(TESTS / "rank_process.py"), *(str(tmp_path / phase) for phase in expected))
-    assert [status for status, said in ended] == [0, 0], ended
+    assert [status for status, printed in ended] == [0, 0], ended
     for phase, values in expected.items():
         first, second = (torch.load(tmp_path / phase / f"{number}.pt", weights_only=True) for number in range(2))
         for name, value in values.items():
-            said = f"{name} of the {phase}"
-            torch.testing.assert_close(first["update"][name], value, atol=1e-6, rtol=0, msg=said)
-            torch.testing.assert_close(second["update"][name], first["update"][name], atol=0, rtol=0, msg=said)
+            name_and_phase = f"{name} of the {phase}"
+            torch.testing.assert_close(first["update"][name], value, atol=1e-6, rtol=0, msg=name_and_phase)
+            torch.testing.assert_close(
+                second["update"][name], first["update"][name], atol=0, rtol=0, msg=name_and_phase
+            )
         assert first["figures"] == second["figures"] == {"walk/blown_up": 1.0, "both": 1.5, "one": 3.0}
         assert not first["suspicious"] and not second["suspicious"]
         assert first["any"] == second["any"] == [True, False]
         merged = np.array([1.0, 2.0, 4.0, 2.0, 4.0, 8.0])
         whole = (merged - merged.mean()) / merged.std(ddof=1)
-        found = torch.cat([first["standardized"], second["standardized"]])
-        np.testing.assert_allclose(found, whole, atol=1e-6)
+        gathered = torch.cat([first["standardized"], second["standardized"]])
+        np.testing.assert_allclose(gathered, whole, atol=1e-6)
 
 
 def step_alone(folder: Path, phase: str) -> dict[str, torch.Tensor]:
@@ -110,10 +112,10 @@ def test_a_process_that_is_killed_ends_the_training_which_goes_on_later(tmp_path
     leader, follower = (start(number, port, *words) for number in range(2))
     until(lambda: (run / "checkpoints/teacher_000004.json").exists() or leader.poll() is not None)
     follower.send_signal(signal.SIGKILL)
-    said = leader.communicate(timeout=40)[1]
+    printed = leader.communicate(timeout=40)[1]
     follower.communicate()
     assert leader.returncode == 1
-    lines = [line for line in said.splitlines() if line.startswith("stiction train:")]
+    lines = [line for line in printed.splitlines() if line.startswith("stiction train:")]
     assert len(lines) == 1 and "another of the 2 processes of this training is gone" in lines[0]
     done = max(int(path.stem[-6:]) for path in (run / "checkpoints").glob("teacher_*.json"))
     assert json.loads((run / "config.json").read_text())["processes"] == 2
@@ -121,9 +123,9 @@ def test_a_process_that_is_killed_ends_the_training_which_goes_on_later(tmp_path
     again = [start(number, port, "-m", "stiction", "train", "--resume", str(run)) for number in range(2)]
     until(lambda: (run / f"checkpoints/teacher_{done + 2:06d}.json").exists() or again[0].poll() is not None)
     again[1].send_signal(signal.SIGTERM)
-    said = [process.communicate(timeout=60)[1] for process in again]
+    printed = [process.communicate(timeout=60)[1] for process in again]
     assert [process.returncode for process in again] == [143, 143]
-    assert "torchrun --nproc-per-node 2 -m stiction train --resume" in said[0] and not said[1]
+    assert "torchrun --nproc-per-node 2 -m stiction train --resume" in printed[0] and not printed[1]
     rows = [json.loads(line)["iteration"] for line in (run / "metrics.jsonl").read_text().splitlines()]
     assert rows == list(range(1, len(rows) + 1)) and len(rows) > done
 
@@ -155,8 +157,8 @@ def test_what_cannot_be_shared_is_said_once(
         monkeypatch.setenv(name, value)
     run = tmp_path / "run"
     assert main(["train", "--preset", "quick", *words, "--out", str(run)]) == 1
-    said = capsys.readouterr().err
-    assert message in said and said.count("\n") == 1 and not run.exists()
+    printed = capsys.readouterr().err
+    assert message in printed and printed.count("\n") == 1 and not run.exists()
 
 
 @pytest.mark.parametrize("listens", [False, True], ids=["never listens", "ends while it answers"])
@@ -183,7 +185,7 @@ def test_a_leader_that_is_killed_while_all_start_is_said(listens: bool, monkeypa
 
 
 def test_the_environment_names_the_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What torchrun sets; anything else is refused before it trains half of the robots."""
+    """Reads torchrun's variables; rejects anything else before it trains half of the robots."""
     for name in MEETING:
         monkeypatch.delenv(name, raising=False)
     assert named_ranks() == ALONE and ALONE.leads and ALONE.share(ROBOTS) == ROBOTS

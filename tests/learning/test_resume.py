@@ -13,9 +13,9 @@ from stiction.core.errors import StictionError
 from stiction.learning import phase
 from stiction.learning import run as checkpoint
 from stiction.learning.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted, PhaseRunner, film_due
+from stiction.learning.phase import PhaseRunner, film_due
 from stiction.learning.ppo import AdaptationPPO
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.run import Interrupted, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.learning.runner import train
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -236,5 +236,5 @@ def test_other_matrix_products_are_named_where_a_run_goes_on(
     monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 1))
     with pytest.raises(Killed):
         main(["train", "--resume", str(run.path)])
-    (said,) = [line for line in capsys.readouterr().err.splitlines() if "matrix products" in line]
-    assert said.startswith("stiction train: warning: teacher_") and "numbers will differ" in said
+    (warning,) = [line for line in capsys.readouterr().err.splitlines() if "matrix products" in line]
+    assert warning.startswith("stiction train: warning: teacher_") and "numbers will differ" in warning

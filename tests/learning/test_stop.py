@@ -61,7 +61,7 @@ def test_targets_that_mean_nothing_are_refused(bad: dict) -> None:
 
 
 def test_a_loud_walk_does_not_end_a_phase() -> None:
-    """What is deployed walks without noise: a target that was met with it is not met."""
+    """Does not count a target that was met with noise: the deployed policy walks without."""
     rule = EarlyStop(StopCfg(tracking_error=0.1, iterations=2), 0, not_before=3)
     assert [rule.check(row(0.05), number) is not None for number in range(6)] == [
         False,

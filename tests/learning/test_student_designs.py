@@ -145,7 +145,7 @@ def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "option"),
     [
         ("--student.algorithm ppo --student.noise half", "--student.noise"),
         ("--student.algorithm ppo --set student.epochs=3", "--set student.epochs"),
@@ -155,13 +155,13 @@ def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> 
         ("--student.algorithm ppo --student.noise all --set student.epochs=2 --set teacher.student_share=0.25", ""),
     ],
 )
-def test_a_setting_without_effect_is_refused(words: str, said: str) -> None:
+def test_a_setting_without_effect_is_refused(words: str, option: str) -> None:
     """Two runs that differ in it would be compared, and are the same run."""
     arguments = ["--preset", "two-phase", *words.split()]
-    if not said:
+    if not option:
         parse(arguments)
         return
-    with pytest.raises(ConfigurationError, match=f"^{said} requires "):
+    with pytest.raises(ConfigurationError, match=f"^{option} requires "):
         parse(arguments)
 
 

@@ -69,7 +69,7 @@ def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
 
 
 def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:
-    """What is not measured on the robot may not leak into the action, and on z* neither may the privileged state."""
+    """Keeps unmeasured quantities out of the action, and on z* the privileged state too."""
     actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
     other = obs.clone()
     other["explicit"] = other["explicit"] + 1.0

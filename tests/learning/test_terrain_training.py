@@ -13,8 +13,8 @@ from stiction.core.errors import StictionError
 from stiction.files.actuator import FILE, write_actuator
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.models import StudentPolicy
-from stiction.learning.phase import Interrupted, PhaseRunner
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.learning.phase import PhaseRunner
+from stiction.learning.run import Interrupted, RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.learning.runner import train
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv

@@ -30,9 +30,9 @@ def test_a_run_on_warp_trains_resumes_and_exports(tmp_path: Path, capsys: pytest
     """A checkpoint must hold all that matters, with the task on the device."""
     whole, resumed = tmp_path / "whole", tmp_path / "resumed"
     assert main(["train", *SMALL, "--device", "warp-cpu", "--json", "--out", str(whole)]) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["env_steps"] == 3 * 4 * 4
-    assert "stays on the host" not in said.err
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["env_steps"] == 3 * 4 * 4
+    assert "stays on the host" not in printed.err
     shutil.copytree(whole, resumed)
     (resumed / "summary.json").unlink()
     for name in ("teacher_000002", "student_000001"):
@@ -40,10 +40,10 @@ def test_a_run_on_warp_trains_resumes_and_exports(tmp_path: Path, capsys: pytest
             file.unlink()
     assert main(["train", "--resume", str(resumed), "--json"]) == 0
     capsys.readouterr()
-    one, other = (load_checkpoint(run / "checkpoints" / "student_000001.safetensors") for run in (whole, resumed))
-    for name, value in one["algorithm"]["student_state_dict"].items():
-        assert torch.equal(value, other["algorithm"]["student_state_dict"][name]), name
-    for name, value in one["environment"]["simulation"].items():
-        assert torch.equal(value, other["environment"]["simulation"][name]), name
+    first, second = (load_checkpoint(run / "checkpoints" / "student_000001.safetensors") for run in (whole, resumed))
+    for name, value in first["algorithm"]["student_state_dict"].items():
+        assert torch.equal(value, second["algorithm"]["student_state_dict"][name]), name
+    for name, value in first["environment"]["simulation"].items():
+        assert torch.equal(value, second["environment"]["simulation"][name]), name
     assert main(["export", str(whole), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["path"] == str(whole / "bundle")

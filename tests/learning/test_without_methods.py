@@ -60,8 +60,8 @@ def test_a_method_that_is_not_installed_is_named_in_one_line(
             parse(["--method", "dreamwaq"])
         with pytest.raises(SystemExit):
             parse(["--method", "nosuch"])
-        said = capsys.readouterr().err
-        assert "--method 'nosuch'; expected none, direct, deception, " in said and said.count("\n") == 1
+        printed = capsys.readouterr().err
+        assert "--method 'nosuch'; expected none, direct, deception, " in printed and printed.count("\n") == 1
     run, _ = begin_run(tmp_path / "run", parse(["--method", "dreamwaq", *SHORT]).config, "stiction train")
     with without_methods(), pytest.raises(ConfigurationError, match=missing.format("dreamwaq")):
         run.config()
@@ -76,12 +76,12 @@ def test_a_policy_of_any_method_walks(kind: str) -> None:
         bundle = read_bundle(POLICIES / f"coulomb20-{kind}", allow_record=True)
         (row,) = evaluate_bundle(bundle, cfg).rows
         assert row.method == bundle.contract.method
-    (beside,) = evaluate_bundle(bundle, cfg).rows
-    assert beside.method == method_of(bundle.contract) and replace(beside, method=row.method) == row
+    (again,) = evaluate_bundle(bundle, cfg).rows
+    assert again.method == method_of(bundle.contract) and replace(again, method=row.method) == row
 
 
 def test_a_method_that_fails_to_load_stops_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who asks for it is told why; a training of the product's own goes on."""
+    """Names the missing distribution; a training of the product's own goes on."""
 
     def broken(group: str, name: str) -> None:
         raise ConfigurationError(f"{name} failed to load; reinstall its distribution")

@@ -27,8 +27,8 @@ from stiction.deploy.robot_policy import load_robot_policy
 from stiction.files.bundle import read_bundle
 from stiction.joints.net import ActuatorNet
 from stiction.learning.begin import find_simulator
+from stiction.learning.boards import open_board
 from stiction.learning.config import TrainCfg
-from stiction.learning.figures import Board
 from stiction.learning.phase import PhaseRunner, one_torch_thread
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import multiply_adds, ppo_cfg
@@ -121,8 +121,9 @@ def _teacher_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
     device, seed = find_simulator(cfg), stream_seed(cfg.seed, "environment")
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed, num_threads(), device=device, actuator=actuator)
+    board = open_board(folder, cfg)
     # No checkpoint and no clip comes due within a measurement.
-    runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
+    runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
     runner.alg.train_mode()
     return runner
 

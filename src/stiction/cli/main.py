@@ -23,6 +23,7 @@ VERBS = {
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write joints and ranges for simulators and trainers",
     "train": "train a policy to walk, with or without joint friction",
+    "runs": "list training runs, or compare some of them",
     "evaluate": "drive a bundle over engines, friction, grounds, commands",
     "report": "put a day's runs on a robot beside their prediction",
     "replicate": "run the paper's comparison, and judge its sentences",

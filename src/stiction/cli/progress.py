@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from statistics import mean
 
 from rich.console import Console, Group
@@ -14,19 +16,60 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
 from stiction.core.errors import escaped
+from stiction.core.provenance import num_threads
 from stiction.learning.config import TrainCfg
 from stiction.report.terminal import Terminal
 
 RECENT = 20
 """Iterations whose times count."""
 
+WAITING = 0.2
+"""Share of the time that this process could compute for which it waits for a core, from which on it is told."""
+
+SHORTEST = 5.0
+"""Wall time from which on shares of the processor are told [s]: a wait is counted when it ends."""
+
+Processor = tuple[float, float, float | None]
+"""Wall time, processor time of this process, and time for which its threads waited for a core, None if unknown [s]."""
+
+
+def processor_times(tasks: Path = Path("/proc/self/task")) -> Processor:
+    """Return the times of this process; Linux alone counts the waiting (`schedstat`, in ns, of each thread)."""
+    waited = None
+    for file in tasks.glob("*/schedstat"):
+        with suppress(OSError, IndexError, ValueError):  # a thread that ends in the meantime
+            waited = (waited or 0.0) + 1e-9 * int(file.read_text().split()[1])
+    return time.monotonic(), time.process_time(), waited
+
+
+def busy_text(before: Processor, now: Processor, load: float, threads: int) -> str:
+    """Return that other work takes the cores, empty where it does not: `machine busy: this process gets 0.6 of a core`.
+
+    load: of the machine, over its cores; threads: most cores that the process uses. Where the waiting is not counted
+    the machine is busy if its load is above 1 and the process, which computes all the time, gets less than one core.
+    """
+    wall, used = now[0] - before[0], now[1] - before[1]
+    if wall < SHORTEST:
+        return ""
+    got, wanted = used / wall, 1.0
+    if before[2] is not None and now[2] is not None:
+        # Threads that have ended take their waiting along; those of this process may wait for each other too.
+        wanted = min(got + max(0.0, now[2] - before[2]) / wall, threads)
+    elif load <= 1.0:
+        return ""
+    if got >= (1 - WAITING) * wanted:
+        return ""
+    whole = "a core" if wanted < 1.1 else f"the {wanted:.1f} cores that it can use"
+    return f"machine busy: this process gets {got:.1f} of {whole}"
+
 
 class RunClock:
     """Measures both phases; before the student has begun, its rate is inferred from the teacher's."""
 
-    def __init__(self, cfg: TrainCfg) -> None:
-        """Begin without a measurement."""
-        self.cfg = cfg
+    def __init__(self, cfg: TrainCfg, times: Callable[[], Processor] = processor_times) -> None:
+        """Begin without a measurement. `times`: of this process."""
+        self.cfg, self.times = cfg, times
+        self._processor: deque[Processor] = deque([times()], maxlen=RECENT + 1)
         self._seconds: dict[str, deque[tuple[float, float]]] = {
             phase: deque(maxlen=RECENT) for phase in ("teacher", "student")
         }
@@ -35,6 +78,7 @@ class RunClock:
         """Take an iteration's `rollout_seconds` and `seconds`."""
         rollout, whole = figures["rollout_seconds"], figures["seconds"]
         self._seconds[phase].append((rollout, whole - rollout))
+        self._processor.append(self.times())
 
     def rate(self, phase: str) -> float:
         """Return the seconds of one iteration of a phase, as measured; else as follows from the teacher's.
@@ -56,6 +100,14 @@ class RunClock:
             return (self.cfg.student.iterations - iteration) * self.rate("student")
         teacher = (self.cfg.teacher.iterations - iteration) * self.rate("teacher")
         return teacher + self.cfg.student.iterations * self.rate("student")
+
+    def left(self, phase: str, iteration: int) -> str:
+        """Return the time left in words, and whether other work slows the training: on a GPU that says little."""
+        busy = busy_text(
+            self._processor[0], self._processor[-1], os.getloadavg()[0] / (os.cpu_count() or 1), num_threads()
+        )
+        left = f"{span(self.remaining(phase, iteration))} left"
+        return f"{left} ({busy})" if busy and self.cfg.device != "cuda" else left
 
 
 def span(seconds: float) -> str:
@@ -93,12 +145,20 @@ def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
 class Display:
     """Shows the phases, or the one that there is, the time left of the whole run, and how the robots walk."""
 
-    def __init__(self, cfg: TrainCfg, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin before the first iteration. `clock` [s] times the lines where there is no terminal."""
+    def __init__(
+        self,
+        cfg: TrainCfg,
+        console: Console,
+        clock: Callable[[], float] = time.monotonic,
+        times: Callable[[], Processor] = processor_times,
+    ) -> None:
+        """Begin before the first iteration. `clock` [s]: of the lines in a file; `times`: of this process."""
         self.cfg, self.console, self.clock = cfg, console, clock
-        self._run = RunClock(cfg)
+        self._run = RunClock(cfg, times)
         self._next_line = clock()
         self._note = Text("the first iteration runs ...")
+        self.lines: tuple[str, ...] = (self._note.plain,)
+        """State of the training for the live page: iterations and time left, then how the robots walk."""
         self._bars = Progress(TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), console=console)
         sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}
         sizes = {phase: total for phase, total in sizes.items() if total}
@@ -107,13 +167,13 @@ class Display:
 
     @property
     def view(self) -> Group:
-        """What a terminal shows."""
+        """Display on a terminal."""
         return Group(self._bars, self._note)
 
     def __call__(self, phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
         """Take one iteration."""
         self._run.add(phase, figures)
-        left = f"{span(self._run.remaining(phase, iteration))} left"
+        left = self._run.left(phase, iteration)
         pace = f"{left}, {figures['env_steps_per_second']:,.0f} env-steps/s"
         walk = figures_line(self.cfg, figures)
         if phase == "student":
@@ -121,6 +181,7 @@ class Display:
             self._bars.update(self._tasks["teacher"], completed=self.cfg.teacher.iterations)
         self._bars.update(self._tasks[phase], completed=iteration)
         self._note.plain = f"{pace}\n{walk}"
+        self.lines = (f"Running: {self.cfg.name_of(phase)} {iteration}/{iterations}, {pace}.", walk)
         begins, self._seen = phase not in self._seen, self._seen | {phase}
         if not self.console.is_terminal and (begins or iteration == iterations or self.clock() >= self._next_line):
             self._next_line = self.clock() + PLAIN_EVERY

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 AGAIN = ("resume", "json", "view", "config.task.robot", "config.task.rewards.own")
-"""Options beside --resume. Two may name a module and have to be given again: a module that a file names is not run."""
+"""Options that --resume allows. Two may name a module, and are typed again: a module that a file names is not run."""
 
 
 def main(arguments: list[str]) -> int:
@@ -33,19 +33,18 @@ def main(arguments: list[str]) -> int:
     # Only the first of torchrun's processes prints; the others would say everything again.
     if os.environ.get("RANK", "0") != "0":
         return _follow(arguments)
-    options, base, given = parse_given(arguments)
+    options, base, typed = parse_given(arguments)
     if options.view:
         require("view")
     if options.resume is not None:
-        return _resume(options, given)
-    return _run(options, *_begin(options, base, given, shlex.join(["stiction", "train", *arguments])))
+        return _resume(options, typed)
+    return _run(options, *_begin(options, base, typed, shlex.join(["stiction", "train", *arguments])))
 
 
 def _follow(arguments: list[str]) -> int:
     """Train as one of several processes that torchrun has started; the first of them speaks for all."""
-    from stiction.learning.phase import Interrupted
     from stiction.learning.ranks import PeerGone, named_ranks
-    from stiction.learning.run import RunDirectory, identified_values
+    from stiction.learning.run import Interrupted, RunDirectory, identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
 
@@ -72,34 +71,34 @@ def _follow(arguments: list[str]) -> int:
     return 0
 
 
-def _begin(options: Train, base: TrainCfg, given: ParsedArguments, command: str) -> tuple[RunDirectory, TrainCfg]:
-    """Make the folder of a new run. base: its configuration before anything was given."""
+def _begin(options: Train, base: TrainCfg, typed: ParsedArguments, command: str) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run. base: its configuration before the typed options."""
     from stiction.api.training import begin
     from stiction.learning.ranks import named_ranks
 
-    friction = (typed for path, typed in given.typed.items() if path.startswith("config.task.friction."))
-    if options.friction_from is not None and (other := next(friction, None)):
-        raise ConfigurationError(exclusion("--friction-from", other))
+    friction = (flag for path, flag in typed.typed.items() if path.startswith("config.task.friction."))
+    if options.friction_from is not None and (flag := next(friction, None)):
+        raise ConfigurationError(exclusion("--friction-from", flag))
     friction_from, joint_map, ranks = options.friction_from, options.joint_map, named_ranks()
     return begin(options.out, options.config, base, command, friction_from, joint_map, _say, ranks)
 
 
 def _say(line: str) -> None:
-    """Print what the user must know on standard error."""
+    """Print a note on standard error."""
     print(f"stiction train: {line}", file=sys.stderr)
 
 
-def _resume(options: Train, given: ParsedArguments) -> int:
-    """Go on with a run; say so and do nothing where it is finished."""
+def _resume(options: Train, typed: ParsedArguments) -> int:
+    """Go on with a run; report one that is finished already."""
     from stiction.learning.run import RunDirectory
 
     assert options.resume is not None
     # Options with their default values too: the run continues as its config.json says.
-    for path, typed in given.typed.items():
+    for path, flag in typed.typed.items():
         if path not in AGAIN:
-            raise ConfigurationError(exclusion("--resume", typed))
+            raise ConfigurationError(exclusion("--resume", flag))
     run, task = RunDirectory(options.resume), options.config.task
-    if "config.task.robot" in given.values:
+    if "config.task.robot" in typed.values:
         run.adopt(task.robot)
     if run.finished:
         run.header()  # a folder with a summary alone is no run
@@ -117,11 +116,12 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.cli.progress import training_progress
     from stiction.core.lock import output_folder
     from stiction.evaluation.film import ClipRecorder
-    from stiction.learning.phase import Interrupted
+    from stiction.learning.boards import open_board
     from stiction.learning.ranks import named_ranks
-    from stiction.learning.run import identified_values
+    from stiction.learning.run import Interrupted, identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
+    from stiction.report.training import LivePage
     from stiction.view.companion import watching
 
     ranks = named_ranks()
@@ -134,14 +134,21 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         stop_requests(display.say, "this iteration") as asked,
         watching(run.path, lambda line: display.say(f"viewer: {line}")) if options.view else nullcontext(),
         warnings.catch_warnings(),
+        open_board(run.path, cfg) as board,
     ):
         # Python's own form is two lines, the second one of our source code.
-        warnings.showwarning = lambda message, *_: display.say(f"stiction train: warning: {message}")
-        crew = ClipRecorder(run.path, display.say)
+        warnings.showwarning = lambda message, *_, **__: display.say(f"stiction train: warning: {message}")
+        crew, page = ClipRecorder(run.path, display.say, board.add_clip), LivePage(run.path)
+
+        def show(phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
+            display(phase, iteration, iterations, figures)
+            crew.poll()
+            page.update(display.lines)
+
         try:
             ranks.join(cfg.device)
             ranks.begin()
-            summary = train(cfg, run, identified_values(run.header()), display, asked, crew, ranks)
+            summary = train(cfg, run, identified_values(run.header()), show, asked, crew, ranks, board)
             # After the training: films wait for it, it does not wait for films.
             crew.finish()
         except Interrupted as stop:
@@ -149,6 +156,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
             return asked.status
         finally:
             crew.abandon()
+            page.end("Finished." if run.finished else f"Stopped; `stiction train --resume {run.path}` goes on with it.")
     # Behind the training, so that a refusal is one line; on a GPU the networks are there.
     if cfg.device != "cuda" and (note := fast_gemm_note()):
         _say(note)
@@ -173,6 +181,6 @@ def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
     print(
         f"{early}policy in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
         f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
-        f"curves: {curves}\nnext: stiction export {run.path}",
+        f"curves: {curves}, {run.path / 'report.html'}\nnext: stiction export {run.path}",
         file=sys.stderr,
     )

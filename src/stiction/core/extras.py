@@ -25,6 +25,8 @@ EXTRAS = {
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
     "view": (*SIM, "viser", "mjviser"),
+    "wandb": (*TRAIN, "wandb"),
+    "trackio": (*TRAIN, "trackio"),
     "mjlab": ("mjlab",),
 }
 """Extra -> the packages that it brings, by import name; the smallest extra of a package comes first."""

@@ -55,6 +55,21 @@ def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
         yield
 
 
+def is_written(folder: Path) -> bool:
+    """Return whether a process holds the lock of a directory; nothing is made or changed."""
+    try:
+        number = os.open(folder / LOCK, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return isinstance(error, BlockingIOError)
+    finally:
+        os.close(number)
+    return False
+
+
 @contextmanager
 def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
     """Hold a lock next to a folder while the folder is replaced as a whole.

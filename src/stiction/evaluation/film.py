@@ -61,9 +61,11 @@ class _Shot:
 class ClipRecorder:
     """Films checkpoints, one at a time; a clip that fails costs the clips of the run and one line."""
 
-    def __init__(self, run: Path, say: Callable[[str], None]) -> None:
-        """`run`: folder of the training run; `say`: prints a line."""
-        self.run, self.say = run, say
+    def __init__(
+        self, run: Path, say: Callable[[str], None], done: Callable[[str, int, Path], None] = lambda *_: None
+    ) -> None:
+        """`run`: folder of the training run; `say`: prints a line; `done`: takes phase, iteration, path of a clip."""
+        self.run, self.say, self.done = run, say, done
         self._filming: tuple[_Shot, subprocess.Popen, float] | None = None
         self._waiting: _Shot | None = None
         self._lost = False
@@ -86,6 +88,10 @@ class ClipRecorder:
                 shutil.copy(checkpoint.with_suffix(suffix), copy.with_suffix(suffix))
         except OSError as error:
             self._give_up(str(error))
+        self._proceed(0.0)
+
+    def poll(self) -> None:
+        """Take in a clip that is done; return at once."""
         self._proceed(0.0)
 
     def finish(self) -> None:
@@ -119,6 +125,9 @@ class ClipRecorder:
             self._filming = None
             if status != 0 or not shot.out.is_file():
                 self._give_up((output or [f"it ended with status {status}"])[-1])
+            else:
+                phase, _, iteration = shot.out.stem.rpartition("_")
+                self.done(phase, int(iteration), shot.out)
         if self._waiting is not None:
             self._begin(self._waiting)
             self._waiting = None

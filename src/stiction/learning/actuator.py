@@ -42,14 +42,14 @@ STD_FLOOR = 1e-6
 
 @dataclass(frozen=True)
 class Fit:
-    """What was fitted to one group of joints."""
+    """Fitted net of one group of joints."""
 
     layers: Layers
     """Weights for inputs in SI units; see `ActuatorNet.layers`."""
     training: tuple[float, ...]
     """Mean squared error of torque over limit on the training samples, while it was fitted, one entry an epoch [-]."""
     validation: tuple[float, ...]
-    """... on the validation samples after each epoch [-]; the last weights are used, whatever it says."""
+    """The same on the validation samples after each epoch [-]; the last weights are used in any case."""
 
 
 def fit_net(
@@ -134,7 +134,7 @@ SHOWN = 3.0
 
 @dataclass(frozen=True)
 class TrainedActuator:
-    """A net, its errors, and what the page draws."""
+    """A net, its errors, and the curves of its page."""
 
     net: ActuatorNet
     summary: dict[str, Any]
@@ -254,16 +254,16 @@ def measure(
     squares = {part: [_squares(net, baseline, run) for run in runs] for part, runs in parts.items()}
     limit, laws = np.array(net.torque_limit), ("net", "baseline")
 
-    def over_limit(found: list[dict[str, np.ndarray]]) -> dict[str, float]:
-        relative = {law: np.concatenate([item[law] / limit**2 for item in found]) for law in laws}
+    def over_limit(errors: list[dict[str, np.ndarray]]) -> dict[str, float]:
+        relative = {law: np.concatenate([run[law] / limit**2 for run in errors]) for law in laws}
         return {law: float(np.sqrt(values.mean())) for law, values in relative.items()}
 
     joints = {}
     for index, name in enumerate(net.joint_names):
         entry = {field: float(getattr(baseline, field)[index]) for field in ("coulomb", "viscous", "later")}
-        for part, found in squares.items():
+        for part, errors in squares.items():
             for law in laws:
-                values = np.concatenate([item[law][:, index] for item in found])
+                values = np.concatenate([run[law][:, index] for run in errors])
                 entry[f"{law}_{part}"] = float(np.sqrt(values.mean()))
         joints[name] = entry
     commands: dict[str, dict[str, dict[str, float]]] = {}
@@ -271,7 +271,7 @@ def measure(
         for label in dict.fromkeys(run.command for run in runs):
             chosen = [item for item, run in zip(squares[part], runs, strict=True) if run.command == label]
             commands.setdefault(label or "not known", {})[part] = over_limit(chosen)
-    rmse = {part: over_limit(found) for part, found in squares.items()}
+    rmse = {part: over_limit(errors) for part, errors in squares.items()}
     return {"rmse": rmse, "joints": joints, "commands": commands}
 
 

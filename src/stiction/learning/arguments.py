@@ -25,12 +25,14 @@ Examples; the first takes 12 to 25 minutes of one core, the second over twice th
 The presets full and quick learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student
 (behaviour cloning), are those of --preset two-phase; terrain wants it: its teacher sees the ground.
 
-Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
-line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
-terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
-privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*, and those of an installed method. A short clip of the policy at
-0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
+Watch it: the terminal shows the time left, a busy machine and how the robots walk (`nohup stiction train ... 2>
+train.log &` writes a line every 30 s); report.html in the run's folder shows curves and the newest clip, and reloads
+itself. `tensorboard --logdir runs`, or another --logger, shows every figure: reward/* (weighted terms), walk/*
+(tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the privileged
+encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean (multipliers of the
+nominal friction), terrain/*, those of an installed method, and rsl_rl's Train/mean_reward and Train/mean_episode_length
+(last 100 episodes). A short clip of the policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the
+newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
@@ -41,15 +43,16 @@ Everything that has no flag is a setting: `--set teacher.gamma=0.98`, as often a
 `--config FILE`; `stiction train --set help` lists all of them, `--preset quick --set help` as that preset has them. A
 preset comes before the file, the file before --set and flags; a field given by both of these is refused.
 
-The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
-it is finished, summary.json. Next: `stiction export runs/deception`."""
+The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, report.html,
+curves.png and, when it is finished, summary.json. `stiction runs` lists and compares runs. Next: `stiction export
+runs/deception`."""
 
 
 GROUPS = {
     "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
     "the joints": ("--joints", "--actuator", "--friction-law"),
     "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
-    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--view", "--json"),
+    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--logger", "--view", "--json"),
 }
 
 
@@ -85,21 +88,21 @@ def parse(arguments: list[str]) -> Train:
 
 
 def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, ParsedArguments]:
-    """Return the options, the configuration with which they began, and what was given. Raises as `parse`."""
+    """Return the options, the configuration with which they began, and the typed words. Raises as `parse`."""
     methods = {method.name: method.settings for method in installed_methods() if method.settings is not None}
     kind = _options_with(tuple(methods.items()))
 
-    def begin(given: Mapping[str, Any]) -> Train:
-        """Return what the options begin with: preset, device, engine and method change the defaults of all else."""
-        name, method = given.get("preset", "full"), given.get("task.friction.method")
-        return kind(config=preset(name, given.get("device", "cpu"), method, given.get("engine", "mujoco")))
+    def begin(typed: Mapping[str, Any]) -> Train:
+        """Return the defaults of all options, which preset, device, engine and method change."""
+        name, method = typed.get("preset", "full"), typed.get("task.friction.method")
+        return kind(config=preset(name, typed.get("device", "cpu"), method, typed.get("engine", "mujoco")))
 
-    options, before, given = read_parsed(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
+    options, before, typed = read_parsed(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
     base = kind() if before is None else before
     if (name := options.config.method.name) in methods:
         options = replace(options, config=replace(options.config, method_settings=getattr(options, name)))
     check_settings(options.config, base.config)
-    return options, base.config, given
+    return options, base.config, typed
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The begin of a run: its friction, its robot and its nominal joints, checked before a folder is made."""
+"""Create and validate a training run: friction, robot and nominal joints are checked before a folder is made."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, EngineError
+from stiction.core.extras import require
 from stiction.core.files import digest_of
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import missing_engine
@@ -35,7 +36,7 @@ from stiction.task.task_fleet import Device, find_device, host_reason
 
 
 def why_task_on_host(cfg: TrainCfg) -> str | None:
-    """Return what keeps the task of a training on the host, see `host_reason`; None where nothing does."""
+    """Return the reason why the task of a training stays on the host, see `host_reason`; None on the device."""
     return host_reason(cfg.task, cfg.actuator is not None)
 
 
@@ -67,6 +68,8 @@ def begin_run(
 
     joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`, before, for what cannot be trained.
     """
+    if cfg.logger != "tensorboard":
+        require(cfg.logger)
     _check_friction(cfg.task.friction)
     cfg = held_at_rest(cfg, say)
     robot = find_robot(cfg.task.robot)
@@ -74,7 +77,7 @@ def begin_run(
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
-    cfg.task.rewards.terms_for(robot)  # a term that there is not is no run
+    cfg.task.rewards.terms_for(robot)  # rejects unknown terms
     find_simulator(cfg, ranks.local)
     if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
         say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")
@@ -110,14 +113,14 @@ def held_at_rest(cfg: TrainCfg, say: Say) -> TrainCfg:
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:
     """Return the smallest rotor inertia that training draws of each joint [kg m²], (joints,)."""
-    own = robot.joint_values("armature")
-    # What was not identified is None, and the robot's own.
-    found = own if identified is None else np.array(identified["values"]["armature"], float)
-    return cfg.task.randomization.armature[0] * np.where(np.isnan(found), own, found)
+    nominal = robot.joint_values("armature")
+    # A joint that was not identified is None, and has the robot's value.
+    estimates = nominal if identified is None else np.array(identified["values"]["armature"], float)
+    return cfg.task.randomization.armature[0] * np.where(np.isnan(estimates), nominal, estimates)
 
 
 def _check_friction(friction: FrictionCfg) -> None:
-    """Refuse friction that is asked for and cannot be there."""
+    """Reject a training with friction whose level or range is zero."""
     if friction.has_friction or not friction.requests_friction:
         return
     if friction.level == 0.0:
@@ -132,15 +135,15 @@ def _check_friction(friction: FrictionCfg) -> None:
 
 
 def _check_own_friction(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> None:
-    """Refuse multiples of the joints' own friction where nobody has said how much that is."""
+    """Reject multiples of the joints' nominal friction where that is not known."""
     friction = cfg.task.friction
     if friction.level is not None or not friction.draws_law or has_coefficient(friction.law):
         return
-    found = () if identified is None else identified["values"]["frictionloss"]
-    if not robot.joint_values("frictionloss").any() and not any(found):
+    estimates = () if identified is None else identified["values"]["frictionloss"]
+    if not robot.joint_values("frictionloss").any() and not any(estimates):
         raise ConfigurationError(
-            f"--method {friction.method} draws multiples of the friction that the joints of {robot.name} have, which "
-            "nobody has measured: none; say --friction-level 0.2 or so, --joints, or --method none"
+            f"--method {friction.method} draws multiples of the joints' nominal friction, and that of {robot.name} is "
+            "not known; add --friction-level 0.2 or --joints, or use --method none"
         )
 
 
@@ -153,25 +156,25 @@ def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> Tra
 def nominal_of(
     file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg, say: Say
 ) -> dict[str, Any] | None:
-    """Return the nominal joints in a `joints.json`, with its name and hash; say what is not used with `friction`."""
+    """Return the nominal joints in a `joints.json`, with its name and hash; name values unused with `friction`."""
     if file is None:
         return None
     path, spec = Path(file), find_robot(robot)
     limits = spec.joint_values("torque_limit")
     records = mapped(load_joints(path), pairs, spec.joint_names)
-    found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
-    values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
+    joints = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
+    values = {name: list(getattr(joints, name)) for name in ("armature", "damping", "frictionloss")}
     header = {"file": path.name, "sha256": digest_of(path), "values": values}
     if friction.level is None and friction.has_friction and has_coefficient(friction.law):
         values["load_coefficient"], header["load_coefficient"] = take_coefficients(records, spec, friction.law)
         for line in header["load_coefficient"]:
             say(line)
-        # With the coefficients taken over, what `load_warnings` would say of them does not hold.
-        said = found.warnings
+        # With the coefficients taken over, those of `load_warnings` do not hold.
+        warnings = joints.warnings
     else:
-        said = (*found.warnings, *load_warnings(records, spec, friction))
+        warnings = (*joints.warnings, *load_warnings(records, spec, friction))
     say(_sources(values, spec, path.name))
-    for warning in said:
+    for warning in warnings:
         say(f"warning: {warning}")
     return header
 
@@ -194,7 +197,7 @@ def share_damping(values: dict[str, list[Any]], robot: Robot, mirror: RobotMirro
 
 
 def _sources(values: Mapping[str, list[Any]], robot: Robot, file: str) -> str:
-    """Return which joints took what from a file, and which nothing; values: field -> of each joint, None: not known."""
+    """Return, in words, the values that joints took from a file; values: field -> of each joint, None: not known."""
     taken = [
         tuple(name for name, known in values.items() if known[number] is not None) for number in range(robot.num_joints)
     ]

@@ -28,7 +28,7 @@ MOST_COUNTS = {
     "contacts": 1000,
     "alternate": 1_000_000,
 }
-"""Most of what is counted; of all else, widths of layers among it, 10,000."""
+"""Largest counts, by name; 10,000 for all others, such as widths of layers."""
 
 MAY_BE_NONE = ("student.iterations", "teacher.quiet", "network.latent")
 
@@ -45,12 +45,13 @@ STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
 
 DeviceName = Literal["cpu", "cuda", "warp-cpu"]
-"""What computes: MuJoCo on the processor; MuJoCo Warp on a GPU, with torch there too; MuJoCo Warp on the processor."""
+"""Compute device: MuJoCo on the processor; MuJoCo Warp and torch on a GPU; MuJoCo Warp on the processor."""
 
 EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
 """Engines in which a policy can be trained: the shipped ones, for a run's configuration names no code."""
 
 SymmetryName = Literal["none", "batches", "half", "network"]
+LoggerName = Literal["tensorboard", "wandb", "trackio"]
 
 
 LATENT = needs("--set network.latent above 0", lambda cfg: cfg.latent > 0)
@@ -72,10 +73,10 @@ class NetworkCfg:
     history: tuple[int, ...] = field(default=(64,), metadata=LATENT)
     """Hidden layers of f_ada of the student, after the frames."""
     recurrent: bool = field(default=False, metadata=LATENT)
-    """Whether a gated recurrent unit as wide as the first of network.history reads the frames for z*, one after the
-    other, in place of an MLP that sees them side by side."""
+    """True if a gated recurrent unit as wide as the first of network.history reads the frames for z* in turn, in place
+    of an MLP over all of them."""
     estimator_frame: int = 24
-    """As network.history_frame, for f_est."""
+    """Same as network.history_frame, for f_est."""
     estimator: tuple[int, ...] = (64,)
     """Hidden layers of f_est, after the frames."""
     terrain: tuple[int, ...] = field(default=(64, 32), metadata=needs(UNEVEN))
@@ -83,7 +84,7 @@ class NetworkCfg:
     terrain_latent: int = field(default=16, metadata=needs(UNEVEN))
     """Size of e_t*."""
     latent: int = 16
-    """Size of z and z*; 0: the policy of one phase has neither, but the present frame and what it estimates."""
+    """Size of z and z*; 0: the policy of one phase sees the present frame and its estimates alone."""
     initial_std: float = 0.8
     """Standard deviation of the first actions."""
 
@@ -99,7 +100,7 @@ class TeacherCfg:
     student_share: float = field(default=0.25, metadata=needs("--teacher.latent groups"))
     """Share of the robots on z*."""
     both_ways: Annotated[bool, FLAG] = False
-    """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
+    """True if L_ada trains the privileged encoder too, as in the paper: z becomes what a history can tell."""
     final_std: float | None = None
     """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line;
     by default free. Noise shakes joints loose: a policy trained with more of it may stand still without."""
@@ -131,7 +132,7 @@ class TeacherCfg:
     """z comes from the history (z*) in one iteration out of this many, else from the privileged
     encoder. The paper does not say how often; the public code it builds on uses 20."""
     adaptation_learning_rate: float = 1e-3
-    """For L_ada, L_est and, where there is terrain, L_hist."""
+    """Learning rate of L_ada, L_est and, on terrain, L_hist."""
     adaptation_batches: int = 4
     """Gradient steps of these losses in a pass over the rollout, after each PPO update."""
     adaptation_passes: int = 1
@@ -160,8 +161,8 @@ class StudentCfg:
     """Rollouts of the student, each followed by an update. 0: the policy of the first phase, on its z*, is the
     student."""
     noise: Annotated[Literal["all", "half", "drawn", "none"], FLAG] = field(default="all", metadata=DISTILLED)
-    """Who walks with exploration noise: every robot, every second one, each with a share drawn for it,
-    or none. What is deployed walks without."""
+    """Robots that walk with exploration noise: all, every second one, each with a drawn share of it, or none. The
+    deployed policy walks without."""
     steps: Annotated[int, FLAG] = 24
     """Control steps of one rollout."""
     epochs: int = field(default=2, metadata=DISTILLED)
@@ -169,7 +170,7 @@ class StudentCfg:
     mini_batches: Annotated[int, FLAG] = field(default=4, metadata=DISTILLED)
     """Parts of one pass."""
     learning_rate: float = 5e-4
-    """Of distillation, fixed; the first one of PPO."""
+    """Learning rate, fixed in distillation, the first one in PPO."""
     adaptation_weight: float = field(default=0.1, metadata=DISTILLED)
     """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
     estimator_weight: float = field(default=0.5, metadata=DISTILLED)
@@ -178,7 +179,7 @@ class StudentCfg:
 
 @dataclass(frozen=True)
 class StopCfg:
-    """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
+    """Target at which a phase ends before its last iteration. Off unless a tracking error is named.
 
     Figures are those of training: noisy, pushed, randomised, the tracking error some 0.1 m/s above that of an
     evaluation. The teacher does not end before the last stage of friction has begun and the noise is the least.
@@ -189,12 +190,12 @@ class StopCfg:
     iterations: int = 20
     """Iterations over which all figures are averaged."""
     falls: float = 0.01
-    """Most falls that count as none [1/s]: one in 100 s of walking with pushes."""
+    """Largest rate of falls that counts as none [1/s]: one in 100 s of walking with pushes."""
     terrain_level: float | None = None
     """Mean terrain level that must be reached as well; by default any."""
 
     def __post_init__(self) -> None:
-        """Refuse targets out of range, and one without effect."""
+        """Reject targets out of range, and one without effect."""
         if self.tracking_error is not None and not self.tracking_error > 0:
             raise ConfigurationError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
         if self.iterations < 1 or self.falls < 0:
@@ -238,8 +239,8 @@ class TrainCfg:
     seed: int = 0
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
-    """How learning uses that left and right are alike. `batches`: every sample also as its mirror image, at twice the
-    update's cost. `half`: at no cost, in half as many passes. `network`: networks symmetric by construction."""
+    """How left-right symmetry is enforced. `batches`: samples and mirror images, at twice the update's cost. `half`:
+    at no cost, in half as many passes. `network`: networks symmetric by construction."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = field(
@@ -249,16 +250,19 @@ class TrainCfg:
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
     device: DeviceName = "cpu"
-    """What computes. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
+    """Compute device. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
     robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower, to try it without a GPU."""
     engine: EngineName = "mujoco"
     """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
     ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
     contacts: Annotated[int, SETTING] = field(default=32, metadata=needs("--device cuda or warp-cpu"))
-    """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
+    """Largest number of contacts of a robot in MuJoCo Warp; more stop the run."""
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. A process of its own renders each from a
     checkpoint in some seven seconds."""
+    logger: LoggerName = "tensorboard"
+    """Service that shows the curves and clips. `wandb` and `trackio` are extras of their names; one that fails does not
+    end the training, and metrics.jsonl is always written."""
     stop: StopCfg = field(
         default_factory=StopCfg,
         metadata=all_of(
@@ -268,11 +272,9 @@ class TrainCfg:
     )
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run, before any folder is made."""
+        """Validate all settings, before any folder is made."""
         self._complete()
         self._check_simulator()
-        if self.symmetry not in get_args(SymmetryName):
-            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
         if self.symmetry == "network" and self.network.recurrent:
             raise ConfigurationError(
                 "a recurrent encoder has no rule for --symmetry network, which the presets of one phase have; add "
@@ -296,10 +298,11 @@ class TrainCfg:
             raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
 
     def _check_simulator(self) -> None:
-        """Refuse devices and engines that there are not, and what they cannot simulate."""
-        for what, names in {"device": DeviceName, "engine": EngineName}.items():
-            if getattr(self, what) not in get_args(names):
-                raise ConfigurationError(unknown_name(what, getattr(self, what), get_args(names)))
+        """Reject unknown names, and settings that the device or engine cannot simulate."""
+        choices = {"device": DeviceName, "engine": EngineName, "symmetry": SymmetryName, "logger": LoggerName}
+        for name, known in choices.items():
+            if getattr(self, name) not in get_args(known):
+                raise ConfigurationError(unknown_name(name, getattr(self, name), get_args(known)))
         if self.device != "cpu" and self.task.physics.plastic:
             raise ConfigurationError(
                 f"MuJoCo Warp has no joints that yield, and --physics {self.task.physics.friction} needs them; use "
@@ -307,14 +310,14 @@ class TrainCfg:
             )
         if self.engine == "mujoco":
             return
-        given, usual = self.task.randomization.contact_time, RandomizationCfg().contact_time
+        contact_time = self.task.randomization.contact_time
         lacking = {
             f"--device {self.device}": self.device != "cpu",
             f"--physics {self.task.physics.friction}": self.task.physics.plastic,
             f"--terrain {self.task.terrain.kind}": self.task.terrain.kind != "flat",
             "friction that grows with load": self.task.friction.loaded,
             f"--method {self.method.name}": self.method.acts_on_fleet,
-            "--task.randomization.contact-time": given != usual,
+            "--task.randomization.contact-time": contact_time != RandomizationCfg().contact_time,
         }
         for name in (name for name, asked in lacking.items() if asked):
             raise ConfigurationError(
@@ -322,12 +325,12 @@ class TrainCfg:
             )
 
     def name_of(self, phase: str) -> str:
-        """Return what people are told that a phase is called: where there is one, it is the policy's."""
+        """Return the name of a phase for messages; the only phase of a training is its `policy`."""
         return phase if self.student.iterations else "policy"
 
     @property
     def may_stop(self) -> bool:
-        """Whether a phase, with the friction of the last stage, is longer than what `stop` is judged over."""
+        """True if a phase, with the friction of the last stage, is longer than the mean of `stop`."""
         last = round(self.task.friction.last.begin * self.teacher.iterations)
         return self.stop.iterations < max(self.teacher.iterations - last, self.student.iterations)
 
@@ -338,17 +341,17 @@ class TrainCfg:
 
     def _complete(self) -> None:
         """Give a method that has settings its defaults where none are given; reject those of another method."""
-        kind, given = self.method.settings, self.method_settings
-        if given is None and kind is not None:
+        kind, settings = self.method.settings, self.method_settings
+        if settings is None and kind is not None:
             object.__setattr__(self, "method_settings", kind())
-        elif given is not None and type(given) is not kind:
+        elif settings is not None and type(settings) is not kind:
             wanted = "None: it has no settings" if kind is None else kind.__name__
             raise ConfigurationError(
-                f"settings of the method {self.method.name!r}: got {type(given).__name__}, expected {wanted}"
+                f"settings of the method {self.method.name!r}: got {type(settings).__name__}, expected {wanted}"
             )
 
     def _check_counts(self) -> None:
-        """Refuse counts out of range, and rollouts too short to be split."""
+        """Reject counts out of range, and rollouts too short to be split."""
         phases: dict[str, TeacherCfg | StudentCfg] = {"teacher": self.teacher, "student": self.student}
         names = ("iterations", "steps", "epochs", "mini_batches")
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
@@ -359,9 +362,7 @@ class TrainCfg:
         check_counts(counts, {f"network.{name}": getattr(self.network, name) for name in LAYERS})
         self._check_halves()
         if self.video_every < 0:
-            raise ConfigurationError(
-                f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
-            )
+            raise ConfigurationError(f"video_every: got {self.video_every}, expected iterations, or 0 for none")
         for phase, cfg in phases.items():
             samples = self.num_envs * cfg.steps
             # With `half` PPO has twice as many mini-batches, each of half as many originals.
@@ -371,7 +372,7 @@ class TrainCfg:
                 )
 
     def _check_halves(self) -> None:
-        """Refuse layers that symmetric networks cannot split into left and right."""
+        """Reject layers that symmetric networks cannot split into left and right."""
         if self.symmetry != "network":
             return
         sizes: dict[str, int] = {}
@@ -394,7 +395,7 @@ class TrainCfg:
                 )
 
     def _check_rates(self) -> None:
-        """Refuse rates, weights and shares out of range."""
+        """Reject rates, weights and shares out of range."""
         teacher, student = self.teacher, self.student
         rates = (teacher.learning_rate, teacher.adaptation_learning_rate, student.learning_rate)
         if not (min(rates) > 0 and max(rates) <= 1 and self.seed >= 0):
@@ -413,7 +414,7 @@ class TrainCfg:
                 raise ConfigurationError(f"{name} is {weight}; expected at least 0")
 
     def _check_phases(self) -> None:
-        """Refuse settings of the phases that contradict each other."""
+        """Reject settings of the phases that contradict each other."""
         teacher, student = self.teacher, self.student
         one_phase = self.method.one_phase
         if one_phase and (teacher.latent != "history" or student.iterations):
@@ -424,7 +425,7 @@ class TrainCfg:
         self.method.check(self)
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(
-                "student.iterations is 0, and on terrain a teacher that sees the ground is no student"
+                "--student.iterations 0 is not allowed on terrain, which the teacher observes; use 1"
             )
         blind = teacher.latent == "history" or student.algorithm == "ppo"
         if self.task.terrain.kind != "flat" and blind and not one_phase:
@@ -449,8 +450,8 @@ class TrainCfg:
         ended = teacher.latent == "history" and not student.iterations and not one_phase
         if teacher.quiet and not ended:
             raise ConfigurationError(
-                f"--teacher.quiet {teacher.quiet} ends a training of one phase by RMA, in which the estimator then "
-                "learns alone, and this is none; add --teacher.quiet 0"
+                f"--teacher.quiet {teacher.quiet} requires a training of one phase by RMA, at whose end the estimator "
+                "learns alone; add --teacher.quiet 0"
             )
         if not 0.0 < teacher.student_share < 1.0:
             raise ConfigurationError(
@@ -469,7 +470,7 @@ class TrainCfg:
             raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
 
     def check_memory(self, robot: Robot) -> None:
-        """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""
+        """Raise `StictionError` where the training needs more memory than the machine has; a GPU checks its own."""
         if self.device == "cuda":
             return
         samples = self.num_envs * max(self.teacher.steps, self.student.steps)
@@ -483,8 +484,7 @@ class TrainCfg:
 
 
 FORMER_GROUPS = ("dreamwaq", "hinf")
-"""Groups of settings in every config.json from before methods were installed: each is that of the method of its name,
-and does nothing in a run of another."""
+"""Groups of settings in older config.json, by method; without effect in a run of another method."""
 
 
 def config_from(data: Any, where: str) -> TrainCfg:

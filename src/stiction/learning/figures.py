@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
-from pathlib import Path
+from statistics import mean
+from typing import Any
 
 import torch
 from tensordict import TensorDict
-from torch.utils.tensorboard import SummaryWriter
 
 from stiction.learning.models import VELOCITY, RMAActor
 from stiction.task.env import LocomotionEnv
@@ -50,6 +51,53 @@ class RolloutFigures:
         return figures
 
 
+LAST_EPISODES = 100
+"""Finished episodes over which return and length are averaged, as in rsl_rl's `utils.logger.Logger`."""
+
+
+class EpisodeMeans:
+    """Mean return and length of the last finished episodes, under rsl_rl's names: curves overlay with its trainers'.
+
+    An episode counts from its first step in this training: robots that begin at random ages have a shorter first one.
+    """
+
+    def __init__(self, num_envs: int, device: str) -> None:
+        """Begin without a finished episode."""
+        self._return = torch.zeros(num_envs, device=device)
+        self._length = torch.zeros(num_envs, device=device)
+        self._returns: deque[float] = deque(maxlen=LAST_EPISODES)
+        self._lengths: deque[float] = deque(maxlen=LAST_EPISODES)
+
+    def add(self, reward: torch.Tensor, dones: torch.Tensor) -> None:
+        """Take one step: reward and end of the episode of every robot, both (N,)."""
+        self._return += reward
+        self._length += 1
+        ended = dones.nonzero().flatten()
+        self._returns.extend(self._return[ended].tolist())
+        self._lengths.extend(self._length[ended].tolist())
+        self._return[ended] = 0.0
+        self._length[ended] = 0.0
+
+    def means(self) -> dict[str, float]:
+        """Return the mean sum of rewards and the mean length in control steps; empty before an episode has ended."""
+        if not self._returns:
+            return {}
+        return {"Train/mean_reward": mean(self._returns), "Train/mean_episode_length": mean(self._lengths)}
+
+    def state(self) -> dict[str, Any]:
+        """Return the state, for a checkpoint."""
+        running = {"return": self._return, "length": self._length}
+        return running | {"returns": list(self._returns), "lengths": list(self._lengths)}
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from a checkpoint's state. Raises `ValueError` where it is of other shapes."""
+        running, ended = (state["return"], state["length"]), (state["returns"], state["lengths"])
+        if any(value.shape != self._return.shape for value in running) or len(ended[0]) != len(ended[1]):
+            raise ValueError("sums over episodes are not one per robot")
+        self._return, self._length = (value.to(self._return) for value in running)
+        self._returns, self._lengths = (deque(map(float, values), LAST_EPISODES) for values in ended)
+
+
 def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str, float]:
     """Return how well the history predicts privileged quantities, over one step of all robots with `feet` feet.
 
@@ -81,29 +129,3 @@ def friction_figures(env: LocomotionEnv) -> dict[str, float]:
     low, high = env.cfg.friction.schedule[env.stage].range
     mean = float(env.randomizer.draws.friction.mean())
     return {"friction/stage": float(env.stage), "friction/low": low, "friction/high": high, "friction/mean": mean}
-
-
-class Board:
-    """Writes into one folder, which TensorBoard shows as one run; figures without a group go under `training`."""
-
-    def __init__(self, folder: Path) -> None:
-        """Name the folder; a file is begun with the first figures."""
-        self.folder = folder
-        self._writer: SummaryWriter | None = None
-
-    def add(self, iteration: int, figures: Mapping[str, float]) -> None:
-        """Write one iteration. The first one makes TensorBoard drop its values from this iteration on."""
-        if self._writer is None:
-            self._writer = SummaryWriter(str(self.folder), purge_step=iteration)
-        for name, value in figures.items():
-            self._writer.add_scalar(name if "/" in name else f"training/{name}", value, iteration)
-
-    def flush(self) -> None:
-        """Bring everything to the disk: what comes before a checkpoint must not be lost with a killed run."""
-        if self._writer is not None:
-            self._writer.flush()
-
-    def close(self) -> None:
-        """End the file."""
-        if self._writer is not None:
-            self._writer.close()

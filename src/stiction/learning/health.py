@@ -42,7 +42,7 @@ class Symptom:
     """Iterations in a row that must show it."""
     advice: str
     seen: Callable[[Row, Sequence[Row]], str]
-    """What one iteration shows, given those before it that did not show it; empty where it is healthy."""
+    """Symptom of an iteration in words, from it and the healthy ones before it; empty where it is healthy."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,13 @@ class Diagnosis:
 
 
 def _not_finite(row: Row, _: Sequence[Row]) -> str:
-    """Name the figures that are no numbers."""
+    """Name the figures that are not finite."""
     bad = [name for name, value in row.items() if not math.isfinite(value)]
     return f"{', '.join(bad)} not finite" if bad else ""
 
 
 def _loss_exploded(row: Row, before: Sequence[Row]) -> str:
-    """Name a loss that is far above all that was before."""
+    """Name a loss that is far above its median."""
     for name in LOSSES:
         usual = [other[name] for other in before if name in other]
         if name in row and len(usual) >= LOSS_BEFORE and row[name] > LOSS_FACTOR * median(usual):
@@ -70,7 +70,7 @@ def _loss_exploded(row: Row, before: Sequence[Row]) -> str:
 
 
 def _noise_exploded(row: Row, before: Sequence[Row]) -> str:
-    """Tell an action noise that has grown to its bound; one that began there was chosen."""
+    """Return that the action noise has grown to its bound; a run that began there chose it."""
     bound = STD_RANGE[1]
     grown = bool(before) and before[0].get("action_std", bound) < 0.75 * bound
     if grown and row.get("action_std", 0.0) > 0.99 * bound:
@@ -79,7 +79,7 @@ def _noise_exploded(row: Row, before: Sequence[Row]) -> str:
 
 
 def _falling(row: Row, _: Sequence[Row]) -> str:
-    """Warn where robots fall as soon as they are placed."""
+    """Return that robots fall as soon as they are placed."""
     falls = row.get("walk/falls", 0.0)
     return f"walk/falls is {falls:.1f}/s: every episode ends after {1 / falls:.2f} s" if falls > FALLS else ""
 
@@ -119,23 +119,23 @@ class Health:
 
     @property
     def suspicious(self) -> bool:
-        """Whether the last iteration showed anything: its parameters are not to take the place of good ones."""
+        """True if the last iteration showed a symptom: its parameters must not replace good ones."""
         return any(since is not None for since in self._since)
 
     def check(self, iteration: int, row: Row) -> Diagnosis | None:
-        """Take the figures of an iteration; return what is wrong once it has lasted."""
-        found = None
+        """Take the figures of an iteration; return a diagnosis once a symptom has lasted."""
+        diagnosis = None
         for index, symptom in enumerate(self._symptoms):
-            # All symptoms, also after one was found: each counts its own iterations.
+            # All symptoms, also after a diagnosis: each counts its own iterations.
             what, since = symptom.seen(row, self._healthy[index]), self._since[index]
             if not what:
                 self._since[index] = None
                 self._healthy[index].append(row)
                 continue
             since = self._since[index] = iteration if since is None else since
-            if found is None and iteration - since + 1 >= symptom.lasting:
-                found = Diagnosis(what, since, symptom.advice)
-        return found
+            if diagnosis is None and iteration - since + 1 >= symptom.lasting:
+                diagnosis = Diagnosis(what, since, symptom.advice)
+        return diagnosis
 
 
 class EarlyStop:

@@ -1,8 +1,7 @@
-"""What tells one training from another: its settings that differ from the defaults, flat, named as on the command line.
+"""Identity of a training: its settings that differ from the defaults, flat, named as on the command line.
 
-They stand in a policy's contract. Two policies are seeds of one training where these are equal; a setting that is not
-there has its default, so a default is never changed: a preset is. What a file says of settings is a name and a value
-for people, and nothing looks either up.
+A policy's contract holds them. Two policies are seeds of one training where these are equal; a missing setting has its
+default, so a default is never changed: a preset is. Names and values in files are text, and nothing looks them up.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from typing import Any
 from stiction.files.method import installed_methods
 from stiction.learning.config import TrainCfg
 
-APART = ("seed", "joints", "actuator", "checkpoint-every", "video-every", "contacts", "task.robot")
-"""Settings that are none of a training: its seed, what changes no number of it, and files, which a contract has by
-their content: joints.json, Actuator Net, robot."""
+APART = ("seed", "joints", "actuator", "checkpoint-every", "video-every", "logger", "contacts", "task.robot")
+"""Settings that do not tell trainings apart: seed, settings that change no number, and files, which a contract has by
+their content (joints.json, Actuator Net, robot)."""
 
 MISSING = "not recorded"
-"""What is said of the settings of a bundle that is older than their field."""
+"""Text in place of the settings of a bundle that is older than their field."""
 
 SHOWN, LONGEST_SHOWN = 3, 60
 """Settings that a name shows, and characters of a value."""
@@ -39,10 +38,10 @@ def settings_of(cfg: TrainCfg) -> dict[str, Any]:
 @cache
 def defaults() -> dict[str, Any]:
     """Return every setting with its default, those of installed methods among them."""
-    own = dict(_flat(TrainCfg()))
+    settings = dict(_flat(TrainCfg()))
     for method in installed_methods():
-        own |= {} if method.settings is None else dict(_flat(method.settings(), f"{method.name}."))
-    return own
+        settings |= {} if method.settings is None else dict(_flat(method.settings(), f"{method.name}."))
+    return settings
 
 
 def _flat(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -67,70 +66,70 @@ def _entries(values: tuple[Any, ...]) -> Iterator[Any]:
 
 
 def effective(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings without those that say a default, or nothing of the training, by name."""
+    """Return settings, by name, without defaults and those that do not tell trainings apart."""
     default = defaults()
     told = (name for name in sorted(settings) if name not in APART)
     return {name: settings[name] for name in told if name not in default or not same(settings[name], default[name])}
 
 
-def same(one: Any, other: Any) -> bool:
-    """Return whether two values of settings are equal; to Python, true is 1."""
-    return _canonical(one) == _canonical(other)
+def same(first: Any, second: Any) -> bool:
+    """Return whether two values of settings are equal; true is not 1, as it is to Python."""
+    return _canonical(first) == _canonical(second)
 
 
 def _canonical(value: Any) -> str:
-    """Return the one text of a value, in which 1 is 1.0."""
+    """Return a text that equal values share: 1 is 1.0."""
     return json.dumps([*map(_plain, value)] if isinstance(value, list | tuple) else _plain(value))
 
 
 def _plain(value: Any) -> Any:
-    """Return a value, a whole number as that: a person may have written either."""
+    """Return a value, a float that is whole as an integer: a person may have written either."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def key_of_settings(settings: Mapping[str, Any] | None) -> str | None:
-    """Return the one text of settings, equal where two trainings are; None where they are not recorded."""
+    """Return a text that is equal for seeds of one training; None where the settings are not recorded."""
     if settings is None:
         return None
     return json.dumps({name: json.loads(_canonical(value)) for name, value in effective(settings).items()})
 
 
 def settings_in(key: str) -> dict[str, Any]:
-    """Return the settings that `key_of_settings` made a text of."""
+    """Return the settings in a text of `key_of_settings`."""
     return json.loads(key)
 
 
 def value_in(settings: Mapping[str, Any], name: str) -> Any:
-    """Return a setting; the default of one that is not there, None of one that this version does not know."""
+    """Return a setting, its default where it is missing, None where this version does not know it."""
     return settings[name] if name in settings else defaults().get(name)
 
 
-def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+def differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[str]:
     """Return the names of the settings in which two trainings differ."""
-    first, second = effective(one), effective(other)
-    names = sorted(first.keys() | second.keys())
-    return [name for name in names if not same(value_in(first, name), value_in(second, name))]
+    ours, theirs = effective(first), effective(second)
+    names = sorted(ours.keys() | theirs.keys())
+    return [name for name in names if not same(value_in(ours, name), value_in(theirs, name))]
 
 
 def shown(text: str) -> str:
-    """Return a text with every character that may mean something to what shows it written out as its number."""
-    return "".join(one if one in PLAIN else f"\\u{ord(one):04x}" for one in text)
+    """Return a text with characters outside `PLAIN` escaped as their numbers."""
+    return "".join(sign if sign in PLAIN else f"\\u{ord(sign):04x}" for sign in text)
 
 
 def value_text(value: Any) -> str:
-    """Return a value as a person types it, shortened."""
+    """Return a value as typed, shortened."""
     values = value if isinstance(value, list | tuple) else [value]
     words = [each if isinstance(each, str) else json.dumps(_plain(each)) for each in values[:LONGEST_SHOWN]]
     return _short(" ".join(words)) or "empty"
 
 
 def _short(text: str) -> str:
-    """Return a text as it is shown, cut where it is long."""
+    """Return a text escaped, and truncated where it is long."""
     return shown(text) if len(text) <= LONGEST_SHOWN else f"{shown(text[:LONGEST_SHOWN])}..."
 
 
 def setting_text(settings: Mapping[str, Any], name: str) -> str:
-    """Return a setting in words: `teacher.quiet 30`."""
+    """Return name and value of a setting: `teacher.quiet 30`."""
     return f"{_short(name)} {value_text(value_in(settings, name))}"
 
 
@@ -144,21 +143,22 @@ def settings_text(settings: Mapping[str, Any] | None, most: int = 60) -> str:
     return ", ".join((*words, *more)) or "all as by default"
 
 
-def difference(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> tuple[str, str] | None:
-    """Return the first setting in which two trainings differ, and what the other has, in words, `teacher.quiet 30` and
-    `0`; None where they differ in none, as far as both are recorded.
+def difference(first: Mapping[str, Any] | None, second: Mapping[str, Any] | None) -> tuple[str, str] | None:
+    """Return the first setting in which two trainings differ, `teacher.quiet 30`, and the second's value, `0`.
+
+    None where they agree, or one of them is not recorded.
     """
-    if one is None or other is None or not (names := differing(one, other)):
+    if first is None or second is None or not (names := differing(first, second)):
         return None
     more = f" ({len(names) - 1} more differ)" if len(names) > 1 else ""
-    return setting_text(one, names[0]), value_text(value_in(other, names[0])) + more
+    return setting_text(first, names[0]), value_text(value_in(second, names[0])) + more
 
 
 NAMED = 5
 
 
 def unrecorded_note(names: Sequence[str]) -> list[str]:
-    """Return a sentence, or none, on policies that count as seeds of one training although nobody recorded that."""
+    """Return a warning, or none, on policies that are taken for seeds of one training without recorded settings."""
     if not names:
         return []
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""

@@ -14,10 +14,10 @@ from stiction.learning.config import NetworkCfg
 from stiction.task.symmetry import Rows
 
 GROUPS = ["proprioception", "history", "privileged", "explicit"]
-"""The observation groups on any ground; each model picks what it may see."""
+"""Observation groups on any ground; each model picks those that it may see."""
 
 ELEVATION = "elevation"
-"""The group that is there too on other than flat ground."""
+"""Additional observation group on terrain."""
 
 VELOCITY = 3
 """Entries of o_exp that are the base's velocity [m/s]; the feet's contacts follow."""
@@ -140,12 +140,12 @@ class RMAActor(MLPModel):
         return torch.where(obs["walks_blind"] > 0, guess, self.privileged_encoder(obs["privileged"]))
 
     def remembered(self, obs: TensorDict) -> dict[str, torch.Tensor]:
-        """Return what PPO holds fixed and may hand in with the observations: `estimate`, and `guess` (z*)."""
+        """Return the outputs of networks that PPO holds fixed, to store with observations: `estimate`, `guess` (z*)."""
         with torch.no_grad():
-            found = {"estimate": self.estimator(obs["history"])}
+            outputs = {"estimate": self.estimator(obs["history"])}
             if self.latent_source != "privileged" and not self.adapts:
-                found["guess"] = self.adaptation(obs["history"])
-        return found
+                outputs["guess"] = self.adaptation(obs["history"])
+        return outputs
 
     def supervised_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that L_ada, L_est and L_hist train."""
@@ -186,7 +186,7 @@ class RMAActor(MLPModel):
         return target, self.adaptation(obs["history"])
 
     def student(self) -> StudentPolicy:
-        """Return what is deployed."""
+        """Return the deployed policy."""
         return StudentPolicy(self)
 
     def make_inputs_equivariant(self, rows: dict[str, Rows]) -> Rows | None:
@@ -220,7 +220,7 @@ class RMACritic(MLPModel):
 
 
 class StudentPolicy(nn.Module):
-    """What is deployed: the flattened history in, the mean action out. No privileged input."""
+    """Deployed policy: the flattened history in, the mean action out. No privileged input."""
 
     def __init__(self, actor: RMAActor) -> None:
         """Take the parts of a trained student that run on the robot."""

@@ -17,13 +17,22 @@ from rsl_rl.runners import OnPolicyRunner
 
 from stiction.core.errors import TrainingError
 from stiction.core.gemm import VARIABLE, gemm_path
+from stiction.learning.boards import Board
 from stiction.learning.config import StopCfg
-from stiction.learning.figures import Board, RolloutFigures, adaptation_figures, friction_figures
+from stiction.learning.figures import EpisodeMeans, RolloutFigures, adaptation_figures, friction_figures
 from stiction.learning.health import EarlyStop, Health
 from stiction.learning.ppo import AdaptationPPO
 from stiction.learning.quick import quicken
 from stiction.learning.ranks import ALONE, Ranks
-from stiction.learning.run import BROKEN, RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.learning.run import (
+    BROKEN,
+    Interrupted,
+    RunDirectory,
+    keep_newest,
+    latest_checkpoint,
+    load_checkpoint,
+    save_checkpoint,
+)
 from stiction.learning.symmetry import make_symmetric
 from stiction.robots.physics import ROWS_FROM
 from stiction.task.env import LocomotionEnv
@@ -33,10 +42,6 @@ Progress = Callable[[str, int, int, dict[str, float]], None]
 
 Film = Callable[[str, int, Path], None]
 """Called with phase, iteration and a checkpoint that is due to be filmed."""
-
-
-class Interrupted(TrainingError):
-    """The run was asked to stop, and did so with a checkpoint."""
 
 
 @contextlib.contextmanager
@@ -59,7 +64,7 @@ def check_moments(optimizer: torch.optim.Optimizer) -> None:
 
 
 def film_due(iteration: int, every: int, last: bool) -> bool:
-    """Say whether a clip is due: every so many iterations, and at the end unless one was just made."""
+    """Return whether a clip is due: every so many iterations, and at the end unless one was just made."""
     return every > 0 and (iteration % every == 0 or (last and 2 * (iteration % every) >= every))
 
 
@@ -81,9 +86,9 @@ class PhaseRunner(OnPolicyRunner):
     film: Film = lambda *_: None
     ranks: Ranks = ALONE
     called: str = "teacher"
-    """What people are told that the phase is called."""
+    """Name of the phase in messages."""
     stopped: dict[str, float] | None = None
-    """The means with which the phase reached its target and ended early."""
+    """Means with which the phase reached its target and ended early."""
 
     def __post_init__(self) -> None:
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
@@ -98,6 +103,7 @@ class PhaseRunner(OnPolicyRunner):
         # Counts add up over the processes.
         self.health = Health(self.env.num_envs * self.ranks.size, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         steady = self.alg.settled_from if isinstance(self.alg, AdaptationPPO) else 0
+        self.episodes = EpisodeMeans(self.env.num_envs, self.env.device)
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
 
     def _configure_multi_gpu(self) -> None:
@@ -110,7 +116,7 @@ class PhaseRunner(OnPolicyRunner):
 
     @property
     def finished(self) -> bool:
-        """Whether the phase has made all its iterations, or reached its target and made the quiet ones."""
+        """True if the phase has made all its iterations, or reached its target and made the quiet ones."""
         alg, made = self.alg, self.current_learning_iteration
         quiet = isinstance(alg, AdaptationPPO) and made < alg.quiet_from + alg.quiet_for
         return made >= self.iterations or (self.stopped is not None and not quiet)
@@ -163,15 +169,16 @@ class PhaseRunner(OnPolicyRunner):
                 self.alg.process_env_step(obs, reward, dones, extras)
                 rollout.add({"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]})
                 rollout.end(age, dones.to(age.device))
+                self.episodes.add(reward, dones)
             self.alg.compute_returns(obs)
         seconds = time.perf_counter() - start
         losses = self.alg.update()
         figures = rollout.means() | {f"loss/{name}": value for name, value in losses.items()}
         figures |= {"rollout_seconds": seconds, "learning_rate": float(self.alg.learning_rate)}
-        return figures | self._policy_figures() | friction_figures(self.env)
+        return figures | self.episodes.means() | self._policy_figures() | friction_figures(self.env)
 
     def _policy_figures(self) -> dict[str, float]:
-        """Return what the updated policy is like."""
+        """Return the figures of the updated policy."""
         policy = self.alg.get_policy()
         figures = {"action_std": float(policy.std.mean())}
         if isinstance(self.alg, AdaptationPPO):
@@ -201,7 +208,7 @@ class PhaseRunner(OnPolicyRunner):
         if not self.ranks.leads:
             return
         self.run.log({"phase": self.phase, "iteration": it, **row})
-        self.board.add(it, figures)
+        self.board.add(self.phase, it, figures)
         self.progress(self.phase, it, self.iterations, figures)
 
     def _preserve(self) -> None:
@@ -231,6 +238,7 @@ class PhaseRunner(OnPolicyRunner):
         tree = {
             "algorithm": self.alg.save(),
             "environment": self.env.state(),
+            "episodes": self.episodes.state(),
             "random": torch.get_rng_state(),
             "threads": torch.get_num_threads(),
             "gemm": gemm_path(),
@@ -289,6 +297,8 @@ class PhaseRunner(OnPolicyRunner):
         for optimizer in (value for value in vars(self.alg).values() if isinstance(value, torch.optim.Optimizer)):
             check_moments(optimizer)
         self.env.load_state(tree["environment"])
+        if "episodes" in tree:  # checkpoints of before have none, and their means begin anew
+            self.episodes.load_state(tree["episodes"])
         torch.set_rng_state(tree["random"])
         if self.env.device == "cuda":
             torch.cuda.set_rng_state(tree["random_cuda"])

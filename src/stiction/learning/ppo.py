@@ -20,7 +20,7 @@ from stiction.learning.ranks import ALONE, Ranks
 from stiction.learning.symmetry import MirroredBatches
 
 REMEMBERED = ("estimate", "guess", "walks_blind")
-"""The groups that are stored beside those of the task, see `RMAActor.remembered`."""
+"""Groups that are stored beside those of the task, see `RMAActor.remembered`."""
 
 
 def evenly_spread(num: int, share: float) -> torch.Tensor:
@@ -122,12 +122,12 @@ class AdaptationPPO(PPO):
 
     @property
     def settled_from(self) -> int:
-        """Iteration from which robots walk as they will in the end: with the least noise of the phase."""
+        """First iteration with the least noise of the phase."""
         return 0 if self.noise is None else self.noise[2]
 
     @property
     def is_quiet(self) -> bool:
-        """Whether the present iteration is a quiet one."""
+        """True if the present iteration is a quiet one."""
         return self.quiet_for > 0 and self.iteration >= self.quiet_from
 
     def end_early(self) -> None:
@@ -169,7 +169,7 @@ class AdaptationPPO(PPO):
             return float(self.actor.distribution.kl_divergence(before, after).mean())
 
     def _supervised_parameters(self) -> list[nn.Parameter]:
-        """Return what the supervised pass trains."""
+        """Return the parameters of the supervised pass."""
         privileged = self.actor.privileged_encoder.parameters() if self.settings.both_ways else ()
         return [*self.actor.supervised_parameters(), *privileged]
 
@@ -199,7 +199,7 @@ class AdaptationPPO(PPO):
         return total
 
     def save(self) -> dict:
-        """Return what a checkpoint holds: every network, optimizer and counter."""
+        """Return every network, optimizer and counter, for a checkpoint."""
         return super().save() | {
             "adaptation_optimizer_state_dict": self.adaptation_optimizer.state_dict(),
             "algorithm_iteration": self.iteration,
@@ -207,7 +207,7 @@ class AdaptationPPO(PPO):
         }
 
     def load(self, loaded_dict: dict, load_cfg: dict | None = None, strict: bool = True) -> bool:
-        """Restore what `save` returned, the latent source and the noise included."""
+        """Restore the state of `save`, the latent source and the noise included."""
         result = super().load(loaded_dict, load_cfg, strict)
         self.adaptation_optimizer.load_state_dict(loaded_dict["adaptation_optimizer_state_dict"])
         self.iteration = loaded_dict["algorithm_iteration"]

@@ -26,14 +26,14 @@ from torch import distributed
 from stiction.core.errors import ConfigurationError, TrainingError
 
 PATIENCE = timedelta(seconds=20)
-"""How long a process waits for the others, which take the same steps; so that with what it imports before it waits, one
-that is left alone ends within 30 s."""
+"""Longest wait for the other processes, which take the same steps: a process that is left alone ends within 30 s,
+imports included."""
 
 CONNECTING = timedelta(seconds=5)
-"""How long a leader that listens may take to answer; torch tries three times, with pauses."""
+"""Longest wait for an answer of a leader that listens; torch tries three times, with pauses."""
 
 BEGINNING = timedelta(minutes=30)
-"""How long until all have begun: a simulator on a GPU compiles for minutes."""
+"""Longest wait until all have begun: a simulator on a GPU compiles for minutes."""
 
 BUCKET = 25.0
 """Size of the buffers in which gradients travel [MB]."""
@@ -41,9 +41,8 @@ BUCKET = 25.0
 COUNTED = ("walk/blown_up",)
 """Figures that are counts, and add up."""
 
-
 LOST = ("gloo", "monitoredbarrier")
-"""What errors of torch say, in small letters, where another process is gone and their type does not."""
+"""Words of torch's errors, in small letters, where another process is gone."""
 
 
 class PeerGone(TrainingError):
@@ -55,19 +54,20 @@ class Ranks:
     """The processes of a training, as one of them sees them."""
 
     number: int = 0
-    """Of this process."""
+    """Rank of this process."""
     size: int = 1
+    """Number of processes."""
     local: int = 0
-    """Number on this machine, and of its GPU."""
+    """Rank among the processes of this machine, and number of its GPU."""
 
     @property
     def alone(self) -> bool:
-        """Whether there is no other process."""
+        """True if no other process trains."""
         return self.size == 1
 
     @property
     def leads(self) -> bool:
-        """Whether this process writes the run and speaks for all."""
+        """True if this process writes the run and prints for all."""
         return self.number == 0
 
     @property
@@ -157,19 +157,19 @@ class Ranks:
                 distributed.barrier()
 
     def any(self, flag: bool) -> bool:
-        """Return whether a flag is set in any process."""
+        """Return True if a flag is set in any process."""
         if self.alone:
             return flag
         return any(self._gathered(flag))
 
-    def figures(self, own: Mapping[str, float]) -> dict[str, float]:
+    def figures(self, figures: Mapping[str, float]) -> dict[str, float]:
         """Return the figures of all robots: means over the processes that have them, and sums of counts."""
         if self.alone:
-            return dict(own)
-        every = self._gathered(dict(own))
-        names = dict.fromkeys(name for figures in every for name in figures)
-        values = {name: [figures[name] for figures in every if name in figures] for name in names}
-        return {name: sum(own) / (1 if name in COUNTED else len(own)) for name, own in values.items()}
+            return dict(figures)
+        every = self._gathered(dict(figures))
+        names = dict.fromkeys(name for each in every for name in each)
+        values = {name: [each[name] for each in every if name in each] for name in names}
+        return {name: sum(each) / (1 if name in COUNTED else len(each)) for name, each in values.items()}
 
     def average(self, parameters: Iterable[torch.nn.Parameter]) -> None:
         """Put the mean of all processes' gradients in the place of this one's."""
@@ -192,18 +192,17 @@ class Ranks:
 
     def _gathered(self, value: object) -> list[Any]:
         """Return a value of every process, in their order. It travels as JSON: nothing is unpickled."""
-        own = torch.frombuffer(bytearray(json.dumps(value).encode()), dtype=torch.uint8)
+        text = torch.frombuffer(bytearray(json.dumps(value).encode()), dtype=torch.uint8)
         with self.together():
             # all_gather wants tensors of one size from every process: lengths first, then texts filled up to the
             # longest.
             sizes = [torch.zeros(1, dtype=torch.long) for _ in range(self.size)]
-            distributed.all_gather(sizes, torch.tensor([len(own)]))
+            distributed.all_gather(sizes, torch.tensor([len(text)]))
             room = torch.zeros(int(torch.stack(sizes).max()), dtype=torch.uint8)
-            found = [room.clone() for _ in range(self.size)]
-            room[: len(own)] = own
-            distributed.all_gather(found, room)
-        texts = [bytes(one[:size].tolist()) for one, size in zip(found, map(int, sizes), strict=True)]
-        return [json.loads(text) for text in texts]
+            gathered = [room.clone() for _ in range(self.size)]
+            room[: len(text)] = text
+            distributed.all_gather(gathered, room)
+        return [json.loads(bytes(each[: int(size)].tolist())) for each, size in zip(gathered, sizes, strict=True)]
 
 
 ALONE = Ranks()
@@ -223,8 +222,8 @@ def named_ranks() -> Ranks:
     except ValueError:
         number, size, local = -1, 0, -1
     if not 0 <= number < size <= 4096 or local < 0:
-        found = ", ".join(f"{name}={value}" for name, value in words.items())
-        raise ConfigurationError(f"{found}: expected what torchrun sets, or none of them")
+        typed = ", ".join(f"{name}={value}" for name, value in words.items())
+        raise ConfigurationError(f"{typed}: expected what torchrun sets, or none of them")
     host, port = os.environ.get("MASTER_ADDR", ""), os.environ.get("MASTER_PORT", "")
     if size > 1 and not (host and port.isdecimal()):
         raise ConfigurationError(

@@ -42,7 +42,7 @@ LARGEST_CHECKPOINT = 2**30
 """Bytes of a checkpoint's tensors that are read; those of the largest preset have some 4 MB."""
 
 BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError, SafetensorError)
-"""What a damaged checkpoint raises where it is read."""
+"""Errors of reading a damaged checkpoint."""
 
 _TENSOR = "__tensor__"
 
@@ -153,12 +153,16 @@ def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
 
 
 REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
-"""Numbers that summary.json has of a phase, and of one that reached its target."""
+"""Figures in summary.json of a phase, and of one that reached its target."""
 
 OTHERS = ("contract.json", "metrics.jsonl", "summary.json", "checkpoints/*")
-"""What a folder must not hold in which a run begins: a bundle, and what is left of a run without its config.json."""
+"""Files that a new run's folder must not hold: those of a bundle, and of a run without its config.json."""
 
 HOLDS_ONE = "{} holds a run already; resume it with --resume, or name another folder with --out"
+
+
+class Interrupted(TrainingError):
+    """A training was asked to stop, and has written a checkpoint."""
 
 
 class RunDirectory:
@@ -180,9 +184,9 @@ class RunDirectory:
         """
         if (path / "config.json").exists():
             raise TrainingError(HOLDS_ONE.format(path))
-        if found := [file.relative_to(path) for pattern in OTHERS for file in sorted(path.glob(pattern))]:
+        if files := [file.relative_to(path) for pattern in OTHERS for file in sorted(path.glob(pattern))]:
             raise TrainingError(
-                f"{path} holds {found[0]}, of a bundle or of a run without its config.json; name another --out"
+                f"{path} holds {files[0]}, of a bundle or of a run without its config.json; name another --out"
             )
         run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
@@ -272,16 +276,16 @@ class RunDirectory:
         named: the run's own reward terms, said again, since finding one runs its module. Raises `StictionError` for
         others.
         """
-        cfg, own = self.config(), self._written().task.rewards.own
-        if named != own:
-            words = " ".join(shlex.quote(str(word)) for term in own for word in term)
+        cfg, terms = self.config(), self._written().task.rewards.own
+        if named != terms:
+            words = " ".join(shlex.quote(str(word)) for term in terms for word in term)
             raise TrainingError(
                 f"{self.path / 'config.json'}: reward terms are named as modules, and a file runs no module; say the "
                 f"same again, if you trust them: stiction train --resume {self.path} --task.rewards.own {words}"
-                if own
+                if terms
                 else f"the run {self.path} has no reward terms of your own; leave --task.rewards.own out"
             )
-        return replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
+        return replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=terms)))
 
     def adopt(self, robot: str) -> None:
         """Copy the robot that the user named into the run. Raises `StictionError` where the run is of another."""
@@ -299,7 +303,7 @@ class RunDirectory:
 
     @property
     def finished(self) -> bool:
-        """Whether the run has its summary."""
+        """True if the run has its summary."""
         return (self.path / "summary.json").is_file()
 
     def summary(self) -> dict[str, Any]:
@@ -307,18 +311,18 @@ class RunDirectory:
         if not self.finished:
             return {}
         file, expected = self.path / "summary.json", "that of a finished run; remove it and finish the run again"
-        found = read_object(file, expected)
+        summary = read_object(file, expected)
         figures = {"last": REPORTED, "stopped": STOPPED}
         for name, wanted in figures.items():
-            phases = found.get(name, {})
+            phases = summary.get(name, {})
             if not isinstance(phases, dict) or not all(
-                isinstance(phase, dict) and all(is_number(phase.get(one), 1e12) for one in wanted)
+                isinstance(phase, dict) and all(is_number(phase.get(figure), 1e12) for figure in wanted)
                 for phase in phases.values()
             ):
                 raise FileError(f"{file}: {name!r} lacks numbers; expected {expected}")
-        if "teacher" not in found.get("last", {}) or not is_number(found.get("seconds"), 1e12):
+        if "teacher" not in summary.get("last", {}) or not is_number(summary.get("seconds"), 1e12):
             raise FileError(f"{file}: lacks 'last' or 'seconds'; expected {expected}")
-        return found
+        return summary
 
     def check_finished(self, phase: str) -> None:
         """Raise `StictionError` unless a phase, `teacher` or `student`, has a whole checkpoint of its last step."""
@@ -366,7 +370,7 @@ class RunDirectory:
             raise FileError(f"{self.metrics} cannot be read: {error.strerror}") from error
 
     def origin(self) -> dict[str, Any]:
-        """Return what a checkpoint records of its run: digests of its settings and of its figures."""
+        """Return digests of the run's settings and figures, for a checkpoint."""
         header = self.header()
         settings = {name: header.get(name) for name in ("config", "identified", "actuator")}
         robot = self.path / ROBOT
@@ -432,7 +436,7 @@ class RunDirectory:
         return digest_of(newest)
 
     def walks_by(self) -> dict[str, Any]:
-        """Return what decides how the run's policies walk beside their weights, for keys of a cache."""
+        """Return all that decides how the run's policies walk, except their weights, for keys of a cache."""
         header = self.header()
         names = ("config", "identified", "actuator", "torque_source")
         return {name: header.get(name) for name in names} | {"robot": repr(find_robot(self.config().task.robot))}
@@ -459,7 +463,7 @@ class RunDirectory:
         write_text(self.metrics, "".join(json.dumps(row) + "\n" for row in rows))
 
     def finish(self, figures: dict[str, Any]) -> None:
-        """Write summary.json: the last figures, what made them, and where."""
+        """Write summary.json: the last figures, the command and revision that made them, and the machine."""
         header = {key: value for key, value in self.header().items() if key != "config"}
         write_json(self.path / "summary.json", header | figures | {"machine": machine()})
 

@@ -15,8 +15,8 @@ from rsl_rl.utils import resolve_class
 from stiction.core.errors import TrainingError
 from stiction.core.provenance import num_threads, stream_seed
 from stiction.learning.begin import find_simulator
+from stiction.learning.boards import Board, open_board
 from stiction.learning.config import STD_RANGE, TrainCfg
-from stiction.learning.figures import Board
 from stiction.learning.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.learning.phase import Film, PhaseRunner, Progress
 from stiction.learning.ranks import ALONE, Ranks
@@ -44,8 +44,8 @@ def _distribution(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str,
 def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
     """Return rsl_rl's configuration of an actor; a new one for each, for rsl_rl takes it apart while it reads it."""
     distribution = _distribution(cfg, largest_std)
-    own = {"class_name": "stiction.learning.models:RMAActor"} if cfg.method.actor is None else cfg.method.actor(cfg)
-    return {**own, "network": cfg.network, "distribution_cfg": distribution}
+    actor = {"class_name": "stiction.learning.models:RMAActor"} if cfg.method.actor is None else cfg.method.actor(cfg)
+    return {**actor, "network": cfg.network, "distribution_cfg": distribution}
 
 
 def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
@@ -55,8 +55,8 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
         noise = falling if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
-    algorithm = cfg.method.algorithm
-    own = {"class_name": "stiction.learning.ppo:AdaptationPPO"} if algorithm is None else algorithm(cfg)
+    method = cfg.method.algorithm
+    algorithm = {"class_name": "stiction.learning.ppo:AdaptationPPO"} if method is None else method(cfg)
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
@@ -64,7 +64,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         "actor": _actor(cfg),
         "critic": {"class_name": "stiction.learning.models:RMACritic", "network": cfg.network},
         "algorithm": {
-            **own,
+            **algorithm,
             "settings": teacher if first else replace(teacher, latent="history", both_ways=False, quiet=0),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
@@ -108,10 +108,12 @@ def train(
     interrupted: Callable[[], bool] = lambda: False,
     film: Film = lambda *_: None,
     ranks: Ranks = ALONE,
+    board: Board | None = None,
 ) -> dict[str, Any]:
     """Train in the run directory, from its newest checkpoint if it has any; return the summary.
 
-    `identified`: see `nominal_joints`; `interrupted`: asked after every iteration; `ranks`: processes, which have met.
+    `identified`: see `nominal_joints`; `interrupted`: asked after every iteration; `ranks`: processes, which have met;
+    `board`: an open logger, by default that of the configuration.
     Raises `StictionError` where training diverges or cannot be written, `Interrupted` where it was asked to stop.
     """
     cfg.check_memory(find_robot(cfg.task.robot))
@@ -126,12 +128,12 @@ def train(
     ranks.begin()
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
-        board = Board(run.path / "tensorboard" / name)
         every = (cfg.checkpoint_every, cfg.video_every)
         hooks = (progress, interrupted, film)
-        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, *hooks, ranks, cfg.name_of(name))
+        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, shown, *hooks, ranks, cfg.name_of(name))
 
-    with run.writing() if ranks.leads else nullcontext():
+    logger = open_board(run.path, cfg) if board is None else nullcontext(board)
+    with run.writing() if ranks.leads else nullcontext(), logger as shown:
         teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)
         student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
         if ranks.leads:
@@ -148,7 +150,6 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
         teacher.restore(teacher_checkpoint)
     _forget_after(run, teacher, student_checkpoint is None)
     teacher.learn(init_at_random_ep_len=True)
-    teacher.board.close()
 
     student = build_student()
     trained = teacher.alg.get_policy().state_dict(), teacher.alg.critic.state_dict()
@@ -161,7 +162,6 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
         # Without iterations of its own the student is the policy of the first phase, and still has a checkpoint to be
         # loaded.
         student.save()
-    student.board.close()
     return student
 
 
@@ -173,7 +173,7 @@ def _forget_after(run: RunDirectory, phase: PhaseRunner, due: bool = True) -> No
 
 
 def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: PhaseRunner) -> dict[str, Any]:
-    """Return what a finished run says of itself; `stopped` names the phases that reached their target early."""
+    """Return the summary of a finished run; `stopped` names the phases that reached their target early."""
     rows = run.rows()
     phases = {"teacher": (teacher, cfg.teacher.steps), "student": (student, cfg.student.steps)}
     return {

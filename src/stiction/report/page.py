@@ -276,6 +276,16 @@ def figure_uri(figure: Figure) -> str:
     return data_uri(buffer.getvalue(), "image/png")
 
 
+def svg_uri(figure: Figure) -> str:
+    """Return a figure as an SVG `data:` URI with a transparent background; its texts are in the reader's own font."""
+    from matplotlib import rc_context
+
+    buffer = io.BytesIO()
+    with rc_context({"svg.fonttype": "none"}):
+        finished(figure).savefig(buffer, format="svg", transparent=True)
+    return data_uri(buffer.getvalue(), "image/svg+xml")
+
+
 def figure_block(figure: Figure, caption: str) -> Markup:
     """Return a figure as a block of a page."""
     return picture(figure_uri(figure), caption)
@@ -298,11 +308,12 @@ def render_page(
     warnings: Sequence[str] = (),
     command: str = "",
     date: str = "",
+    refresh: float = 0.0,
 ) -> str:
     """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
 
     lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
-    date: of the page, by default today.
+    date: of the page, by default today; refresh: time after which a browser loads the page anew [s], 0: never.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
     shown = 1 if len(warnings) > MOST_WARNINGS else len(warnings)
@@ -321,6 +332,7 @@ def render_page(
             warnings=warnings[:shown],
             more=warnings[shown:],
             version=__version__,
+            refresh=round(refresh),
         )
     )
 

@@ -1,14 +1,19 @@
-"""The curves of a training run, drawn from its metrics.jsonl."""
+"""Pages of trainings: curves and live page of a run, from its files, and the page of an Actuator Net."""
 
 from __future__ import annotations
 
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 
-from stiction.core.errors import FileError
+from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.files.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
 from stiction.files.plain import read_object
@@ -18,13 +23,16 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
+    file_uri,
     fold,
     legend,
     new_figure,
     paragraph,
+    picture,
     render_page,
     save_figure,
     settings_table,
+    svg_uri,
     table,
 )
 
@@ -50,11 +58,14 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("std of the actions", {"action_std": "std"}),
     ("KL divergence of an update", {"kl": "kl"}),
 )
-"""Axis label -> figures drawn in it. All are of the noisy, pushed, randomised training, not of an evaluation. What a
-run does not have (an old one, flat ground) has no panel."""
+"""Axis label -> figures drawn in it. All are of the noisy, pushed, randomised training, not of an evaluation. Figures
+that a run lacks (an old one, flat ground) have no panel."""
 
 COLUMNS = 3
 """Panels side by side."""
+
+LIVE_PANELS = 6
+"""Panels of the live page, the first that a run has; its last version has all."""
 
 
 def draw_training(run: Path) -> Path:
@@ -65,8 +76,15 @@ def draw_training(run: Path) -> Path:
     rows = read_metrics(run / "metrics.jsonl")
     if not rows:
         raise FileError(f"{run / 'metrics.jsonl'} has no iterations yet; expected a run of `stiction train`")
+    path = run / "curves.png"
+    save_figure(_curves(rows), path)
+    return path
+
+
+def _curves(rows: Sequence[dict[str, Any]], most: int = len(PANELS)) -> Figure:
+    """Draw at most so many panels of the figures of all iterations, at least one."""
     recorded = {name for row in rows for name in row}
-    panels = [(label, names) for label, names in PANELS if recorded & names.keys()]
+    panels = [(label, names) for label, names in PANELS if recorded & names.keys()][:most]
     lines = -(-len(panels) // COLUMNS)
     figure, axes = new_figure(lines, COLUMNS, size=(11.0, 2.6 * lines))
     teacher = sum(row["phase"] == "teacher" for row in rows)
@@ -84,16 +102,76 @@ def draw_training(run: Path) -> Path:
             legend(axis)
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
-    path = run / "curves.png"
-    save_figure(figure, path)
-    return path
+    return figure
+
+
+PAGE_SHARE, PAGE_EVERY = 0.005, 15.0
+"""Largest share of the training's time that the live page takes, and shortest time between two versions [s]."""
+
+
+class LivePage:
+    """`report.html` of a run: curves, newest clip and time left; browsers reload it until the training ends."""
+
+    def __init__(self, run: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        """Set the folder of the run; the first version is written with the first iteration. `clock`: time [s]."""
+        self.run, self.clock = run, clock
+        self._due, self._wait = clock(), PAGE_EVERY
+        self._failed = False
+
+    def update(self, lines: Sequence[str]) -> None:
+        """Write the page where it is due. lines: state of the training, the first one with the time left."""
+        if self.clock() < self._due:
+            return
+        # Before the cost of a version is measured: imported once, and at the end of a training in any case.
+        import_module("matplotlib.backends.backend_svg")
+        start = self.clock()
+        self._write(lines, LIVE_PANELS, self._wait)
+        end = self.clock()
+        self._wait = max(PAGE_EVERY, (end - start) / PAGE_SHARE)
+        self._due = end + self._wait
+
+    def end(self, line: str) -> None:
+        """Write the last version, which no browser reloads. line: how the training ended."""
+        self._write([line], len(PANELS), refresh=0.0)
+
+    def _write(self, lines: Sequence[str], panels: int, refresh: float) -> None:
+        """Write one version, whole or not at all; give up with one warning where that fails."""
+        if self._failed:
+            return
+        try:
+            write_text(self.run / "report.html", training_page(self.run, lines, panels, refresh))
+        except (StictionError, OSError) as error:
+            self._failed = True
+            warnings.warn(f"report.html of the run is not written any more: {error}", stacklevel=3)
+
+
+def training_page(run: Path, lines: Sequence[str], panels: int = len(PANELS), refresh: float = 0.0) -> str:
+    """Return the page of a run from its files; lines: state of the training; refresh: time to its next version [s].
+
+    Raises `StictionError` or `OSError` where a file of the run cannot be read.
+    """
+    header, rows = read_object(run / "config.json", "that of `stiction train`"), read_metrics(run / "metrics.jsonl")
+    sections = []
+    if rows:
+        note = "Figures of the noisy, pushed and randomised training, not of an evaluation."
+        sections.append(Section("Curves", (picture(svg_uri(_curves(rows, panels)), note),)))
+    if clip := max((run / "clips").glob("*.webp"), key=lambda path: path.stat().st_mtime, default=None):
+        phase, _, iteration = clip.stem.rpartition("_")
+        # The only phase of a training has no name.
+        part = f" of the {phase}" if header["config"].get("student", {}).get("iterations") else ""
+        sections.append(Section("Newest clip", (picture(file_uri(clip), f"After iteration {int(iteration)}{part}."),)))
+    sections.append(Section("Settings", (fold("All settings", [settings_table(header["config"])]),)))
+    now = f"{datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"
+    state = f"As of {now}; written anew about every {refresh:.0f} s while the training runs." if refresh else ""
+    title = f"Training {run.resolve().name}"
+    return render_page(title, sections, [*lines, state], command=str(header.get("command", "")), refresh=refresh)
 
 
 SIDES = {
     "motor_side": "motor side: the joint's friction is not in it, and a simulation with this net keeps its own",
     "output_side": "output side: dry and viscous friction are in it, and a simulation with this net drops its own",
 }
-"""Torque source -> what it means for the simulation."""
+"""Torque source -> consequence for the simulation."""
 
 BASELINE = (
     "The analytic law beside it is the PD law with the log's own gains, limited, less Coulomb and viscous friction of "
@@ -130,21 +208,21 @@ def write_actuator_page(folder: Path) -> Path:
 
 def is_worse(summary: dict[str, Any]) -> bool:
     """Return whether the analytic law is the better model of runs that were kept out."""
-    found = summary["rmse"]["validation"]
-    return bool(found["net"] > 1.1 * found["baseline"])
+    errors = summary["rmse"]["validation"]
+    return bool(errors["net"] > 1.1 * errors["baseline"])
 
 
 def lead(summary: dict[str, Any]) -> str:
     """Return the answer: the error on runs that were kept out, beside that of the analytic law."""
     net, law = (summary["rmse"]["validation"][name] for name in ("net", "baseline"))
     if net < 0.9 * law:
-        said = f"{1 - net / law:.0%} less than the PD law with fitted friction"
+        comparison = f"{1 - net / law:.0%} less than the PD law with fitted friction"
     elif is_worse(summary):
-        said = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
+        comparison = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
     else:
-        said = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"
+        comparison = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"
     return (
-        f"On runs that it was not fitted to, the net errs by {100 * net:.2f} % of the torque limit, {said} "
+        f"On runs that it was not fitted to, the net errs by {100 * net:.2f} % of the torque limit, {comparison} "
         f"({100 * law:.2f} %). Inputs: {INPUT_SETS[summary['inputs']]}, H = {summary['history']}."
     )
 
@@ -153,7 +231,7 @@ def joint_table(summary: dict[str, Any]) -> Markup:
     """Return the errors of every joint in N m."""
     header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f", "B", "λ"]
     names = "net_training", "net_validation", "baseline_training", "baseline_validation", "coulomb", "viscous", "later"
-    rows = [[joint, *(f"{found[name]:.3f}" for name in names)] for joint, found in summary["joints"].items()]
+    rows = [[joint, *(f"{errors[name]:.3f}" for name in names)] for joint, errors in summary["joints"].items()]
     return table(header, rows, "Root mean square error in N m; f [N m], B [N m s/rad] and λ of the law.")
 
 
@@ -172,7 +250,7 @@ def command_table(summary: dict[str, Any]) -> Markup:
 
 
 def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Markup:
-    """Return what the net is and what it was fitted to."""
+    """Return the table of the net and its logs."""
     rows = [
         ("robot", net.robot),
         ("torque", SIDES[net.torque_source]),

@@ -21,8 +21,7 @@ from stiction.evaluation.policies import method_of, method_texts
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.run import Interrupted, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.learning.runner import load_actor, load_student, train
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
