@@ -123,7 +123,7 @@ def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None
         lambda: sim.set_velocity((value, 0.0, 0.0)),
         lambda: sim.push((value, 0.0)),
     ):
-        with pytest.raises(StictionError, match=r"no finite number"):
+        with pytest.raises(StictionError, match=r"expected a finite number"):
             act()
     assert not bounds(sim).any() and np.isfinite(sim.walkers[0].seen.motion.base_position).all()
 
