@@ -17,8 +17,8 @@ AVERAGE = 0.5
 SPEED, TORQUE, FRICTION = 20.0, 4.0, 120.0
 """Time span of each plot [s]."""
 
-COLUMNS = 6
-"""Numbers per robot in the history of friction: estimate and interval if trusted, the same if not."""
+COLUMNS = 4
+"""Numbers per robot in the history of friction: estimate and interval if trusted, and the estimate if not."""
 
 SPEED_EVERY, FRICTION_EVERY = 0.1, 1.0
 """Time between two points [s]; torque has one every control step."""
@@ -122,17 +122,17 @@ class History:
 
 
 def believed(walker: Walker) -> tuple[float, ...]:
-    """Return the estimated mean of f/τ_max and its 95 % interval [%], three numbers if trusted and three if not.
+    """Return the estimated mean of f/τ_max, the ends of its 95 % interval, and the estimate if not trusted [%].
 
-    NaN: no estimate yet, or it is among the other three numbers.
+    NaN: no estimate yet, or not of this kind.
     """
-    nothing = (np.nan, np.nan, np.nan)
     if walker.belief is None:
-        return nothing + nothing
+        return (np.nan,) * COLUMNS
     estimate = walker.belief.estimate
+    if walker.doubt is not None:
+        return np.nan, np.nan, np.nan, 100.0 * estimate.level
     low, high = estimate.level_interval95
-    numbers = (100.0 * estimate.level, 100.0 * low, 100.0 * high)
-    return nothing + numbers if walker.doubt is not None else numbers + nothing
+    return 100.0 * estimate.level, 100.0 * low, 100.0 * high, np.nan
 
 
 def belief_text(walkers: Sequence[Walker]) -> str:
@@ -140,7 +140,7 @@ def belief_text(walkers: Sequence[Walker]) -> str:
     silent = ", ".join(walker.policy.short for walker in walkers if not walker.believes)
     sentences = [f"**{walker.policy.short}** {friction_text(walker)}." for walker in walkers if walker.believes]
     if silent:
-        sentences.append(f"{silent}: no estimate; the bundle has no wear.json (`stiction export --wear`).")
+        sentences.append(f"{silent}: no estimate without a wear.json (`stiction export --wear`).")
     return "\n\n".join(sentences)
 
 

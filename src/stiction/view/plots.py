@@ -63,7 +63,6 @@ class Plots:
             if walker.believes:
                 beliefs += [line(f"{name} estimate", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
                 beliefs += [line(f"{name} not trusted", DOUBTED, DOUBTED_DASH)]
-                beliefs += [line(end, DOUBTED, DOUBTED_DASH, 1) for end in ("from", "to")]
         for old in self._handles:
             old.remove()
         plots: tuple[tuple[str, str, list[Any], str], ...] = (

@@ -17,19 +17,22 @@ from stiction.view.simulation import Simulation, Walker
 COLORS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (120, 94, 240), (230, 159, 0))
 """Colours of the policies in turn, in scene, plots and legend; colour-blind people can tell them apart as well."""
 
-TINT = 0.75
-"""Share of the policy's colour in that of its robot's bodies; feet keep their colours."""
+SHADE = 0.4
+"""Share of a geometry's own brightness in that of the policy's colour on it; feet keep their colours."""
 
 GAP = 0.4
 """Distance between two robots or two courses, side by side [m]."""
 
-SLACK = np.array([1.0, GAP / 2])
+SLACK = np.array([0.6, GAP / 2])
 """Largest distance at which a robot is drawn from the place that the camera follows, along x and y [m].
 
 A robot that falls farther behind stays there, and its ground moves under it."""
 
 BELT = 2.0 * (SLACK[0] + 1.0)
 """Length of a treadmill [m]."""
+
+DEPTH = 0.02
+"""Depth of the floor below the treadmills [m]; at one height a browser would draw the floor through them."""
 
 ABOVE = 0.35
 """Height of a label above the base [m]."""
@@ -42,6 +45,9 @@ DIRECTION = np.array([0.68, -0.62, 0.4]) / np.linalg.norm([0.68, -0.62, 0.4])
 
 TARGET = np.array([0.0, 0.0, 0.2])
 """Point at which the camera looks [m]."""
+
+RESHAPED = 0.03
+"""Relative change of the camera's distance from which a picture of another shape gets it."""
 
 FORCE_SCALE = 0.004
 """Length of an arrow per force [m/N]."""
@@ -83,7 +89,7 @@ def painted(spec: Robot, color: tuple[int, int, int], feet: frozenset[str]) -> m
     built = build(spec)
     for geom in built.geoms:
         if geom.name not in feet:
-            geom.rgba[:3] = TINT * np.array(color) / 255 + (1.0 - TINT) * geom.rgba[:3]
+            geom.rgba[:3] = np.array(color) / 255 * (1.0 - SHADE + SHADE * geom.rgba[:3].mean())
     return built
 
 
@@ -178,7 +184,8 @@ class Scene:
         metres = np.arange(-BELT // 2 + 1, BELT // 2)
         for number, color in enumerate(self.colors):
             shade = tuple(round(value) for value in 0.85 * floor + 0.15 * np.array(color))
-            self._belts.append(scene.add_box(f"/belt{number}", color=shade, dimensions=(BELT, width, 0.004)))
+            size = (BELT, width, DEPTH)
+            self._belts.append(scene.add_box(f"/belt{number}", color=shade, dimensions=size, cast_shadow=False))
             points = np.array([np.add(across, (metre, 0.0, 0.0)) for metre in metres])
             self._ticks.append(scene.add_line_segments(f"/ticks{number}", points, color, thickness=0.02))
             start = np.add(across, (walkers[0].start, 0.0, 0.002))
@@ -210,7 +217,7 @@ class Scene:
             for number, (walker, shift, state) in enumerate(zip(walkers, shifts, states, strict=True)):
                 lane = float(self._lanes[number] + (shown[number, 1] if self.followed else 0.0))
                 self._worlds[number].position = shift
-                self._belts[number].position = (0.0, lane, 0.002)
+                self._belts[number].position = (0.0, lane, -DEPTH / 2)
                 self._ticks[number].position = (float((shift[0] - walker.start) % 1.0), lane, 0.0)
                 label, text = self._labels[number], label_text(walker)
                 label.position = np.add(state[:3], (0.0, 0.0, ABOVE))
@@ -247,6 +254,7 @@ class Scene:
             fade_distance=40.0,
             shadow_opacity=0.3,
             infinite_grid=True,
+            position=(0.0, 0.0, -DEPTH),
         )
 
     def _course(self, number: int) -> list[viser.SceneNodeHandle]:
@@ -265,14 +273,26 @@ class Scene:
         ]
 
     def _distance(self, aspect: float) -> float:
-        """Return the distance from which the camera sees all robots wherever they are drawn [m]."""
+        """Return the distance from which the camera sees all robots wherever they are drawn [m]; aspect: untrusted."""
+        aspect = min(max(aspect, 0.2), 5.0) if np.isfinite(aspect) else 1.0
         side = float(np.ptp(self._lanes)) / 2 + self._bodies.width / 2
         return camera_distance(np.array([SLACK[0] + 0.4, side, 0.3]), aspect)
 
     def _fit(self, client: viser.ClientHandle) -> None:
-        """Put a new browser's camera where it sees all robots; a narrow page needs more distance."""
-        client.camera.position = TARGET + self._distance(max(client.camera.aspect, 0.2)) * DIRECTION
-        client.camera.look_at = TARGET
+        """Put a browser's camera where it sees all robots, and keep them in the picture when its shape changes."""
+        camera = client.camera
+        fitted = self._distance(camera.image_width / max(camera.image_height, 1))
+        camera.position, camera.look_at = TARGET + fitted * DIRECTION, TARGET
+
+        def refit(_: object) -> None:
+            nonlocal fitted
+            distance = self._distance(camera.image_width / max(camera.image_height, 1))
+            if abs(distance / fitted - 1.0) > RESHAPED:
+                # In the direction and at the zoom that the user chose.
+                camera.position = camera.look_at + (camera.position - camera.look_at) * distance / fitted
+                fitted = distance
+
+        camera.on_update(refit)
 
 
 def state_of(walker: Walker) -> np.ndarray:
@@ -283,8 +303,8 @@ def state_of(walker: Walker) -> np.ndarray:
 
 def label_text(walker: Walker) -> str:
     """Return the label of a robot: its policy, and how far it came [m]."""
-    distance = walker.seen.motion.base_position[0] - walker.start
-    return f"{walker.policy.short}: fell" if walker.lies else f"{walker.policy.short} {distance + 0.0:.1f} m"
+    distance = round(walker.seen.motion.base_position[0] - walker.start, 1) + 0.0
+    return f"{walker.policy.short}: fell" if walker.lies else f"{walker.policy.short} {distance:.1f} m"
 
 
 def colors(number: int) -> list[tuple[int, int, int]]:

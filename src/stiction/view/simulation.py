@@ -201,7 +201,7 @@ class Walker:
             return None
         if self.belief.changed:
             return "the friction changed within the window"
-        if self._changed:
+        if self._outdated:
             return "the friction changed after the window"
         return self.belief.estimate.untold[-1]
 
@@ -228,7 +228,8 @@ class Walker:
     def reset(self) -> None:
         """Put the robot to the start, standing."""
         self._walk.place(self.policy.contract.array("standing"))
-        self._left, self.belief, self._changed = 0.0, None, False
+        self._left, self.belief = 0.0, None
+        self._begin_window()
         if self._monitor is not None:
             self._monitor.reset()
         if self.rewards is not None:
@@ -238,7 +239,7 @@ class Walker:
     def set_friction(self, level: np.ndarray) -> None:
         """Set the level of each joint's friction, torque [N m] or coefficient [-], shape (J,)."""
         if self._level is not None and not np.array_equal(level, self._level):
-            self._changed = True
+            self._outdated, self._changed = True, self._window_begun
         self._level = level
         self._friction.set_levels(level)
 
@@ -272,8 +273,15 @@ class Walker:
             self.rewards.add(motion, self.seen.torque, step.policy.action, command, fallen, height)
         if fallen:
             self._fall()
-        elif self._monitor is not None and (estimate := self._monitor.step(step.policy.observation)) is not None:
-            self.belief, self._changed = Belief(estimate, self._changed), False
+            return
+        self._window_begun = True
+        if self._monitor is not None and (estimate := self._monitor.step(step.policy.observation)) is not None:
+            self.belief = Belief(estimate, self._changed)
+            self._begin_window()
+
+    def _begin_window(self) -> None:
+        """Begin a window of the monitor, in which no step was taken and no friction changed."""
+        self._window_begun = self._changed = self._outdated = False
 
     def _measure_rewards(self) -> None:
         """Measure the reward terms of the present policy's training."""

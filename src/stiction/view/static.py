@@ -95,13 +95,12 @@ def plots_html(simulation: Simulation, history: History, colors: list[tuple[int,
         friction.plot(time, true, color=ink, label="true")
         for number, (shade, walker) in enumerate(zip(shades, simulation.walkers, strict=True)):
             numbers = estimates[COLUMNS * number : COLUMNS * (number + 1)]
-            for part, color, dash, label in (
-                (numbers[:3], shade, "-", "estimate"),
-                (numbers[3:], GREY, "--", "not trusted"),
-            ):
-                for column, width in zip(part if walker.believes else (), (1.5, 0.7, 0.7), strict=False):
+            if walker.believes:
+                for column, width in zip(numbers[:3], (1.5, 0.7, 0.7), strict=True):
                     # One entry in the legend for an estimate and the ends of its interval.
-                    friction.plot(time, column, color=color, linestyle=dash, linewidth=width, label=label * (width > 1))
+                    label = f"{walker.policy.short} estimate" if width > 1 else None
+                    friction.plot(time, column, color=shade, linewidth=width, label=label)
+                friction.plot(time, numbers[3], color=GREY, linestyle="--", label=f"{walker.policy.short} not trusted")
         friction.set_ylim(0, top_of((true, *estimates)))
         torque.set_title(f"Motor torque of {history.joint}")
         for axes in (speed, torque, friction):
