@@ -43,8 +43,8 @@ def view(*words: object) -> Iterator[subprocess.Popen]:
 
 def speed(tab: Tab) -> float | None:
     """Return the speed of the robot that the panel shows [m/s]."""
-    found = re.search(r"none (-?\d+\.\d+) m/s", tab.run("document.body?.innerText") or "")
-    return float(found[1]) if found else None
+    match = re.search(r"none (-?\d+\.\d+) m/s", tab.run("document.body?.innerText") or "")
+    return float(match[1]) if match else None
 
 
 def colours(tab: Tab) -> int:
@@ -89,6 +89,47 @@ def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_pat
         assert (process.returncode, said) == (0, "")
 
 
+PAD = """
+window.axes = [0, 0, 0, 0];
+navigator.getGamepads = () => [null, {connected: true, get axes() { return window.axes; }}];
+"""
+"""A gamepad that scripts move."""
+
+BOX = "[...document.querySelectorAll('label')].find((each) => each.textContent.trim() === 'Gamepad steers')"
+
+EDGES = """(() => {
+  const canvas = [...document.querySelectorAll('canvas')].map((each) => each.getBoundingClientRect());
+  const sheet = [...document.querySelectorAll('.mantine-Paper-root')].map((each) => each.getBoundingClientRect())
+    .find((each) => Math.abs(each.bottom - innerHeight) < 2);
+  return sheet && [Math.max(...canvas.map((each) => each.bottom)), sheet.top, sheet.width];
+})()"""
+"""Lower edge of the scene, upper edge and width of the controls [pixels]."""
+
+
+@pytest.mark.slow
+def test_a_page_of_390_pixels_shows_the_robot_above_the_controls_and_a_gamepad_steers(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """The controls take the whole width below the scene and cover none of it; a stick moves the command."""
+    with view(POLICY, "--out", tmp_path) as process:
+        assert process.stdout is not None
+        address = process.stdout.readline().split()[1]
+        tab = browser.tab("about:blank")
+        tab.call("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=False)
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source=PAD)
+        tab.open(address)
+        bottom, top, width = wait(lambda: tab.run(EDGES), "the controls")
+        wait(lambda: abs((speed(tab) or 0.0) - 0.5) < 0.15, "the robot walks at once")
+        bottom, top, width = tab.run(EDGES)
+        assert bottom <= top + 2 and top > 400 and width == 390
+        tab.run("window.axes = [0, 0.5, 0, 0]")
+        wait(lambda: tab.run(f"!!({BOX})"), "the box shows when there is a gamepad")
+        tab.run(f"document.getElementById(({BOX}).htmlFor).click()")
+        tab.run("window.axes = [0, -1, 0, 0]")
+        wait(lambda: "commanded 0.90" in tab.run("document.body.innerText"), "the stick moves the command")
+        assert tab.complaints == []
+
+
 @pytest.mark.slow
 def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> None:
     """If this failed, --static would write a page that shows nothing without the program."""
@@ -99,6 +140,7 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
     assert said.startswith(f"page: {page}")
     tab = browser.tab(page.as_uri())
     wait(lambda: tab.run("document.querySelectorAll('canvas').length") and colours(tab) > 15, "a robot on the page")
+    assert tab.run("[...document.querySelectorAll('#stiction-plots svg')].every((each) => each.clientHeight > 100)")
     assert tab.complaints == []
 
 
@@ -106,10 +148,10 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
     ("words", "status", "line"),
     [
         (("nowhere",), 1, "unknown policy 'nowhere'"),
-        (("--follow",), 1, "--follow is for a training run"),
+        (("--follow",), 1, "--follow: got no training run"),
         ((POLICY, "--command", "vx=3"), 1, "friction': command vx=3: the policy was trained for vx -0.9 to 0.9"),
         ((POLICY, "--port", "99999"), 1, "port 99999; expected 1 to 65535"),
-        ((POLICY, "--friction-level", "2"), 1, "--friction-level 2; expected 0 to 0.9"),
+        ((POLICY, "--friction-level", "2"), 1, "--friction-level: got 2, expected 0 to 0.9"),
         ((POLICY, "--friction-law", "glue"), 2, "glue"),
         ((POLICY, "--terrain", "sand=1"), 1, "unknown terrain 'sand'"),
     ],

@@ -10,11 +10,9 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra train")
 
-from stiction.cli.view import viewed
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.evaluation.export import TrainedPolicy
-from stiction.evaluation.newest import NewestPolicy
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_student, train
@@ -22,6 +20,7 @@ from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
 from stiction.view import companion
 from stiction.view.companion import watching
+from stiction.view.run import ViewedRun
 from stiction.view.simulation import Simulation
 
 CFG = TrainCfg(
@@ -38,10 +37,11 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
     """If this failed, `train --view` would show nothing, an old policy, or one that training does not have."""
     directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
     with pytest.raises(StictionError, match="has no checkpoint yet; wait for it with --follow"):
-        NewestPolicy(directory.path)
-    run = NewestPolicy(directory.path, wait=True)
+        ViewedRun(directory.path)
+    run = ViewedRun(directory.path, wait=True)
     assert run.name == "run: no checkpoint yet, standing" and not run.refresh()
-    simulation = Simulation([viewed(run)], run.robot)
+    simulation = Simulation([run.viewed()], run.robot)
+    simulation.set_velocity((0.0, 0.0, 0.0))
     walker = simulation.walkers[0]
     simulation.step()
     assert walker.seen.step is not None
@@ -49,7 +49,7 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
 
     train(CFG, directory)
     assert run.refresh() and not run.refresh() and run.name == "run: student 000001"
-    walker.teach(viewed(run))
+    walker.teach(run.viewed())
     simulation.step()
     step = walker.seen.step
     assert np.abs(step.policy.target - run.contract.array("standing")).max() > 1e-6
@@ -57,11 +57,20 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
     sensors: Sensors = step.before.sensors.each(lambda value: value[None])
     np.testing.assert_array_equal(alone.step(sensors, np.zeros((1, 3))).action[0], step.policy.action)
 
+    assert run.checkpoints == ("newest", "student_000001", "teacher_000001")
+    run.choose("teacher_000001")
+    assert run.name == "run: teacher 000001" and not run.refresh(), "an older checkpoint stays chosen"
+    with pytest.raises(StictionError, match=r"unknown checkpoint '\.\./config'"):
+        run.choose("../config")
+    run.choose("newest")
+    assert run.name == "run: student 000001"
+    assert walker.rewards is not None and {"track_linear", "torque"} <= walker.rewards.values.keys()
+
     for file in directory.checkpoints.glob("student_*"):
         file.unlink()
-    teacher = NewestPolicy(directory.path)
+    teacher = ViewedRun(directory.path)
     assert teacher.name == "run: teacher 000001"
-    simulation = Simulation([viewed(teacher)], teacher.robot)
+    simulation = Simulation([teacher.viewed()], teacher.robot)
     simulation.step()
     assert np.isfinite(simulation.walkers[0].seen.step.policy.action).all()
 

@@ -13,6 +13,7 @@ import websockets.asyncio.server
 
 from stiction.core.errors import StictionError
 from stiction.view import server as module
+from stiction.view.page import PAD_HEADER, PAD_PATH
 from stiction.view.server import LOOPBACK, serve
 
 UPGRADE = (
@@ -82,6 +83,28 @@ def test_foreign_pages_are_refused_and_the_viewer_s_own_are_answered(upgrade: bo
             assert ask(port, host, "http://localhost:{port}", upgrade) == 403, host
         assert ask(port, "evil.example:{port}", "http://evil.example:{port}", upgrade) == 403
         assert ask(port, "localhost:{port}", None, upgrade) == good
+
+
+def test_a_gamepad_steers_from_the_viewer_s_own_page_only() -> None:
+    """Axes with the page's header arrive clipped; other sites, and requests without the header, do not arrive."""
+    with serve() as server:
+        port, arrived = server.get_port(), []
+        server.pads.append(arrived.append)
+
+        def send(axes: str, *headers: str, host: str = "localhost") -> int:
+            with socket.create_connection((LOOPBACK, port), timeout=10) as connection:
+                lines = (f"GET {PAD_PATH}?axes={axes} HTTP/1.1", f"Host: {host}:{port}", *headers, "", "")
+                connection.sendall("\r\n".join(lines).encode())
+                return int(connection.makefile("rb").readline().split()[1])
+
+        header = f"{PAD_HEADER}: 1"
+        assert send("0.5,-0.25,7", header) == 204 and send("", header) == 204
+        assert arrived == [(0.5, -0.25, 1.0), ()]
+        assert send("0.1,0,0", header, "Origin: http://evil.example") == 403
+        assert send("0.1,0,0", header, host="evil.example") == 403
+        for axes in ("0.1,0,0", "nan,0,0", "1,2", "1,2,3,4", "x", "1" * 300):
+            assert send(axes, *([] if axes == "0.1,0,0" else [header])) != 204, axes
+        assert len(arrived) == 2
 
 
 def test_all_addresses_are_answered_each_under_its_own() -> None:

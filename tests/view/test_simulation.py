@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
 from stiction.engines.catalog import make_engine
-from stiction.engines.engine import Body, Pushable
+from stiction.engines.engine import Body, ContactSensing, Pushable
 from stiction.engines.ground import flat
 from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.files.contract import robot_of
-from stiction.view.history import History, belief_text
+from stiction.view.history import History, belief_text, believed, friction_text
 from stiction.view.simulation import LYING, Simulation, ViewedPolicy, WorldCfg
 
 pytest.importorskip("mujoco", reason="the viewer needs the extra sim")
@@ -123,7 +125,7 @@ def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None
         lambda: sim.set_velocity((value, 0.0, 0.0)),
         lambda: sim.push((value, 0.0)),
     ):
-        with pytest.raises(StictionError, match=r"no finite number"):
+        with pytest.raises(StictionError, match=r"expected a finite number"):
             act()
     assert not bounds(sim).any() and np.isfinite(sim.walkers[0].seen.motion.base_position).all()
 
@@ -144,7 +146,75 @@ def test_the_history_shows_speed_torque_and_both_frictions() -> None:
     assert speeds[1][-1] == pytest.approx(motion.base_linear_velocity[0], abs=0.25)
     number = sim.spec.joint_names.index(history.joint)
     assert history.torque.columns()[1][-1] == sim.walkers[0].seen.torque[number]
-    _, true, *told = history.friction.columns()
-    assert true[-1] == pytest.approx(10.0) and np.isnan(told).all()
-    assert "none: no wear.json" in belief_text(sim.walkers)
-    assert "**deception** has not told" in belief_text(sim.walkers)
+    _, true, *estimates = history.friction.columns()
+    assert true[-1] == pytest.approx(10.0) and np.isnan(estimates).all()
+    assert "none: no estimate without a wear.json" in belief_text(sim.walkers)
+    assert "**deception** has no estimate yet" in belief_text(sim.walkers)
+
+
+def test_an_estimate_is_trusted_only_if_its_window_holds_one_friction() -> None:
+    """A window with a change of friction, and an estimate from before a change, are doubted, with the reason."""
+    sim = simulation("deception")
+    (walker,) = sim.walkers
+    window = walker.policy.wear.window
+
+    def walk_windows(number: float) -> tuple[float, ...]:
+        for _ in range(round(number * window)):
+            sim.step()
+        return believed(walker)
+
+    assert walk_windows(1) == (pytest.approx(math.nan, nan_ok=True),) * 4 and walker.doubt is None
+    sim.step()
+    assert walker.doubt is None
+    level, low, high, doubted = believed(walker)
+    assert low <= level <= high < 8.0 and math.isnan(doubted)
+    assert "estimates a friction of" in friction_text(walker)
+    for kind in sim.kinds:
+        sim.set_level(kind, sim.levels[kind])
+    assert walker.doubt is None, "nothing changed"
+    for kind in sim.kinds:
+        sim.set_level(kind, 0.12)
+    assert walker.doubt == "the friction changed after the window"
+    assert math.isnan(believed(walker)[0]) and believed(walker)[3] == pytest.approx(level)
+    level, _, _, doubted = walk_windows(1)
+    assert walker.doubt is None and 8.0 < level < 16.0 and math.isnan(doubted)
+    walk_windows(0.5)
+    sim.set_wear(0.5)
+    assert walker.doubt == "the friction changed after the window"
+    walk_windows(0.5)
+    assert walker.doubt == "the friction changed within the window"
+    assert "not trusted (grey, dashed): the friction changed within the window" in friction_text(walker)
+    level, _, _, doubted = walk_windows(1)
+    assert walker.doubt is None and 3.0 < level < 9.0 and math.isnan(doubted)
+
+
+def test_robots_start_at_once_and_friction_set_before_is_no_change() -> None:
+    """Robots walk at 0.5 m/s unless told otherwise; a friction set before the first step leaves the window whole."""
+    sim = simulation("deception")
+    assert sim.velocity.tolist() == [0.5, 0.0, 0.0]
+    sim.set_level("hip", 0.1)
+    for _ in range(sim.walkers[0].policy.wear.window + 1):
+        sim.step()
+    assert not sim.walkers[0].belief.changed
+    assert sim.walkers[0].seen.motion.base_position[0] > 1.0
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "physx"])
+def test_contact_forces_of_a_standing_robot_carry_its_weight(engine: str) -> None:
+    """Their sum is the weight, upwards, at the feet on the ground."""
+    spec = robot_of(shown("none")[0].contract)
+    try:
+        made = make_engine(engine, Body.nominal(spec), flat(), 0.002)
+    except StictionError as missing:
+        pytest.skip(str(missing))
+    assert isinstance(made, ContactSensing)
+    standing = spec.joint_values("default_position")
+    made.reset(standing, np.array([0.0, 0.0, spec.standing_height]), np.array([1.0, 0.0, 0.0, 0.0]))
+    for _ in range(1000):
+        motion = made.motion(loads=False)
+        torque = -200.0 * (motion.joint_position - standing) - 2.0 * motion.joint_velocity
+        made.step(torque, np.full(spec.num_joints, 0.5))
+    forces = made.contact_forces()
+    weight = 9.81 * (spec.base.mass + sum(link.mass for link in spec.links))
+    np.testing.assert_allclose(sum(force for _, force in forces), [0.0, 0.0, weight], atol=0.01 * weight)
+    assert len(forces) == len(spec.feet) and all(abs(point[2]) < 0.01 for point, _ in forces)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +16,15 @@ import pytest
 pytest.importorskip("viser", reason="the viewer needs the extra view")
 pytest.importorskip("mjviser", reason="the viewer needs the extra view")
 
-from stiction.core.errors import StictionError
+from stiction.core.errors import ConfigurationError, StictionError
 from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.files.contract import robot_of
 from stiction.files.log import by_joint, read_setup, read_table
+from stiction.view import viewer as module
+from stiction.view.clip import ClipError, stage
 from stiction.view.server import LOOPBACK, serve
 from stiction.view.simulation import Simulation, ViewedPolicy, WorldCfg
+from stiction.view.static import write_page
 from stiction.view.viewer import Viewer
 
 
@@ -59,6 +65,148 @@ def test_sliders_reach_the_simulation_in_its_own_units(viewer: Viewer) -> None:
     panel.all.value = 20.0
     settle(viewer)
     assert set(simulation.levels.values()) == {0.2}
+
+
+def press(viewer: Viewer, group: Any, word: str) -> None:
+    """Do what a browser's press of one button of a row does."""
+    group._impl.value = word
+    for act in group._impl.update_cb:
+        act(SimpleNamespace(target=group, client=None))
+    settle(viewer)
+
+
+def test_presets_walk_and_stand_set_friction_and_command(viewer: Viewer) -> None:
+    """A preset is in per cent of the torque limit, also where the slider stands there and a kind of joint does not."""
+    panel, simulation = viewer.panel, viewer.simulation
+    press(viewer, panel.presets, "15")
+    assert set(simulation.levels.values()) == {0.15} and panel.all.value == 15.0
+    panel.levels["hip"].value = 40.0
+    settle(viewer)
+    press(viewer, panel.presets, "15")
+    assert set(simulation.levels.values()) == {0.15}
+    press(viewer, panel.presets, "99")
+    assert set(simulation.levels.values()) == {0.15}, "a word that is on no button"
+    for word, speed in (("Stand", 0.0), ("Walk", 0.5)):
+        press(viewer, panel.motion, word)
+        assert simulation.velocity.tolist() == [speed, 0.0, 0.0]
+
+
+def test_time_goes_at_the_chosen_speed_and_by_single_steps(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At ¼ × eight control steps take 32 periods of real time; a single step pauses after one period."""
+    now = [0.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(module.time, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    press(viewer, viewer.panel.pace, "¼ ×")
+    begin, period = viewer.simulation.time, viewer.simulation.period
+    end = begin + 7.5 * period
+    viewer.run(lambda: viewer.simulation.time > end, always=True)
+    assert now[0] == pytest.approx(8 * 4 * period)
+    viewer.set_pace(float("inf"))
+    assert viewer.pace == 0.25
+    press(viewer, viewer.panel.time, "Step")
+    time = viewer.simulation.time
+    settle(viewer)
+    assert viewer.paused and viewer.simulation.time == time
+    trigger(viewer, "Single step")
+    assert viewer.simulation.time == pytest.approx(time + period)
+
+
+def test_a_gamepad_steers_when_its_box_is_ticked(viewer: Viewer) -> None:
+    """The box shows while a gamepad is there; full left stick forward is the fastest command of the training."""
+    panel, simulation = viewer.panel, viewer.simulation
+    (send,) = viewer.server.pads
+    assert not panel.gamepad.visible
+    send((1.0, -0.5, 0.0))
+    settle(viewer)
+    assert panel.gamepad.visible and simulation.velocity.tolist() == [0.5, 0.0, 0.0]
+    panel.gamepad.value = True
+    send((0.0, 0.0, 0.0))
+    send((1.0, -0.5, 0.0))
+    settle(viewer)
+    low, high = simulation.range
+    np.testing.assert_allclose(simulation.velocity, [high[0], 0.5 * low[1], 0.0])
+    send(())
+    settle(viewer)
+    assert not panel.gamepad.visible
+
+
+def test_a_clip_holds_the_last_seconds_of_all_robots(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames at 12.5 Hz end at the last step; without OpenGL the reason is shown, and the robots walk on."""
+    for _ in range(100):
+        viewer.turn()
+    shot = viewer._clips.shot(1.0, 0.5)
+    assert shot.states.shape[:2] == (round(1.0 / 0.08), 2) and shot.names == ("none", "deception")
+    speed = np.diff(shot.states[:, :, 0], axis=0) / 0.08
+    assert 0.3 < speed.mean() < 0.7
+    assert stage(viewer.simulation.spec, shot).nbody == viewer.simulation.spec.num_joints + 2
+    said: list[str] = []
+    monkeypatch.setattr(viewer.panel, "say", lambda title, text: said.append(text))
+
+    def fail(*_: object) -> bytes:
+        raise ClipError("no clip: OpenGL is not available here")
+
+    monkeypatch.setattr(module, "render_shot", fail)
+    viewer.make_clip(1.0)
+    viewer._drawing.join(60)
+    settle(viewer)
+    assert said == ["drawing the last 1.0 s", "no clip: OpenGL is not available here"]
+    viewer.restart()
+    viewer._attempt(lambda: viewer.make_clip(1.0))
+    assert "let the robots walk" in said[-1]
+
+
+def test_a_checkpoint_is_chosen_and_one_that_fails_is_taken_back(viewer: Viewer, tmp_path: Path) -> None:
+    """The drop-down lists what the run has; a choice that cannot be read leaves the policy and the choice."""
+
+    class Run:
+        chosen, checkpoints = "newest", ("newest", "teacher_000002")
+
+        def choose(self, name: str) -> None:
+            if name not in self.checkpoints:
+                raise ConfigurationError(f"no {name}")
+            self.chosen = name
+
+        def viewed(self) -> ViewedPolicy:
+            return replace(viewer.simulation.walkers[0].policy, name=f"run: {self.chosen}")
+
+    with serve() as server:
+        other = Viewer(server, viewer.simulation, tmp_path, runs={0: Run()})
+        choice = other.panel.checkpoints[0]
+        for name in ("teacher_000002", "teacher_000009"):
+            choice.value = name
+            settle(other)
+            assert other.simulation.walkers[0].policy.name == "run: teacher_000002"
+        assert choice.value == "teacher_000002"
+
+
+def test_contact_forces_are_drawn_when_asked_for(viewer: Viewer) -> None:
+    """Arrows start at the feet on the ground, 4 mm long per newton, and go when they are not wanted."""
+    for _ in range(50):
+        viewer.turn()
+    viewer.panel.forces.value = True
+    settle(viewer)
+    viewer.scene.draw()
+    forces = [force for walker in viewer.simulation.walkers for _, force in walker.contact_forces()]
+    arrows = viewer.scene._forces.points
+    assert viewer.scene._forces.visible and len(arrows) == len(forces) >= 4
+    np.testing.assert_allclose(arrows[:, 1] - arrows[:, 0], 0.004 * np.array(forces), atol=1e-6)
+    viewer.panel.forces.value = False
+    settle(viewer)
+    viewer.scene.draw()
+    assert not viewer.scene._forces.visible
+
+
+def test_the_static_page_has_plots_of_the_walk(tmp_path: Path) -> None:
+    """Speed, torque and friction are in the page as SVG over the whole walk, names of robots escaped."""
+    bundle = read_bundle(shipped_bundles()["saturn_lite-flat-none-0.2"])
+    policy = ViewedPolicy.of_bundle(bundle, "<i>a</i>: trained")
+    with serve() as server:
+        write_page(server, Simulation([policy], robot_of(bundle.contract)), tmp_path / "page.html", 0.4)
+    page = (tmp_path / "page.html").read_text()
+    strip = page[page.rindex('id="stiction-plots"') :]
+    assert strip.count("<svg") == 3 and "Motor torque of RR_shank" in strip and "% of limit" in strip
+    assert "<i>a" not in strip and "&lt;i&gt;a&lt;/i&gt;" in strip
+    assert page.rindex("</body>") > page.rindex("</svg>")
 
 
 def test_pause_stops_time_and_not_the_panel(viewer: Viewer) -> None:

@@ -152,6 +152,17 @@ class FrictionSensing(Protocol):
         """
 
 
+@runtime_checkable
+class ContactSensing(Protocol):
+    """An engine that reports contact forces; `mujoco` and `physx` do."""
+
+    def contact_forces(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return point [m] and force on the robot [N], in the world, of its contacts in the last step, shapes (3,).
+
+        Contacts of the robot with itself are left out.
+        """
+
+
 Make = Callable[[Body, Ground, float], Engine]
 """Function of body, ground, timestep [s] that makes an engine."""
 

@@ -86,6 +86,18 @@ class MujocoEngine:
         torque[data.efc_id[rows] - self._free] = data.efc_force[rows]
         return torque
 
+    def contact_forces(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the forces of the contacts with the ground; see `ContactSensing`."""
+        forces, wrench = [], np.zeros(6)
+        for number, contact in enumerate(self._data.contact):
+            ground = self._model.geom_bodyid[contact.geom] == 0
+            if ground.any():
+                mujoco.mj_contactForce(self._model, self._data, number, wrench)
+                # MuJoCo gives the force of the first geometry on the second, in the frame of the contact.
+                sign = 1.0 if ground[0] else -1.0
+                forces.append((contact.pos.copy(), sign * contact.frame.reshape(3, 3).T @ wrench[:3]))
+        return forces
+
     def motion(self, loads: bool = True) -> Motion:
         """Return the present motion; see `Motion`."""
         data, feet = self._data, self._legs

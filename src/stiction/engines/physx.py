@@ -245,6 +245,17 @@ class PhysxEngine:
                 push[self._feet[foot]] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
         return push / self.timestep
 
+    def contact_forces(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the forces of the contacts with the ground; see `ContactSensing`."""
+        forces = []
+        for contact in self._system.get_contacts() if self._stepped else ():
+            ground = [shape in self._ground_shapes for shape in contact.shapes]
+            if any(ground):
+                # PhysX gives the impulse on the first shape.
+                sign = -1.0 if ground[0] else 1.0
+                forces += [(point.position, sign * point.impulse / self.timestep) for point in contact.points]
+        return forces
+
     def _transmitted(self) -> tuple[np.ndarray, np.ndarray]:
         """Return |F| and |T| of every joint in the last step [N, N m], shape (J,) each.
 

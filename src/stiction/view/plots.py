@@ -1,32 +1,37 @@
-"""The plots of the panel: speed, one joint's torque, friction believed and true."""
+"""The plots: speed, one joint's torque, true and estimated friction, reward terms."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from html import escape
 from itertools import chain
 from typing import Any
 
 import numpy as np
 import viser
 
-from stiction.view.history import FRICTION, SPEED, TORQUE, History
+from stiction.view.history import COLUMNS, FRICTION, SPEED, TORQUE, History, belief_text
 from stiction.view.scene import colors
 from stiction.view.simulation import Simulation
 
 DASHES = ((), (10, 4), (3, 3), (12, 3, 3, 3), (6, 6), (2, 6))
-"""Of the robots' lines, in turn: told apart without colour too."""
+"""Dashes of the robots' lines in turn: distinguishable without colour."""
+
+DOUBTED, DOUBTED_DASH = "rgb(150, 150, 150)", (6, 5)
+"""Colour and dashes of estimates that are not trusted."""
 
 HEIGHT = 140
-"""Of a plot [pixels]."""
+"""Height of a plot [pixels]."""
 
 TOPS = (10.0, 25.0, 50.0, 100.0)
-"""Upper ends that the axis of friction may have [%]."""
+"""Upper ends of the axis of friction to choose from [%]."""
 
 INK = {False: ("#222222", "#dddddd"), True: ("#e0e0e0", "#444444")}
-"""Dark or not -> colour of text and of what was asked for, colour of the plot's lattice."""
+"""Dark or not -> colour of text and of true or commanded values, colour of the lattice."""
 
 
 class Plots:
-    """The three plots of one simulation."""
+    """The plots of one simulation."""
 
     def __init__(
         self,
@@ -36,21 +41,28 @@ class Plots:
         history: History,
         dark: bool = False,
     ) -> None:
-        """Make them, empty, in a tab."""
+        """Add them, empty, to a tab."""
         self._gui, self._tab, self._simulation, self._history = server.gui, tab, simulation, history
+        self._dark = dark
+        with tab:
+            # Ordered behind the plots, which are made anew in another colour scheme.
+            self._beliefs = server.gui.add_markdown("", order=1e6)
+            self._rewards = server.gui.add_html("", order=2e6, visible=False)
         self._handles: list[viser.GuiUplotHandle] = []
         self._top = TOPS[0]
         self.rebuild(dark)
 
     def rebuild(self, dark: bool) -> None:
         """Draw them anew in a colour scheme."""
+        self._dark = dark
         walkers, (ink, _) = self._simulation.walkers, INK[dark]
         lines, beliefs = [], []
         for number, (walker, color) in enumerate(zip(walkers, colors(len(walkers)), strict=True)):
             name, stroke = walker.policy.short, rgb(color)
             lines.append(line(name, stroke, DASHES[number % len(DASHES)]))
             if walker.believes:
-                beliefs += [line(f"{name} tells", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
+                beliefs += [line(f"{name} estimate", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
+                beliefs += [line(f"{name} not trusted", DOUBTED, DOUBTED_DASH)]
         for old in self._handles:
             old.remove()
         plots: tuple[tuple[str, str, list[Any], str], ...] = (
@@ -75,39 +87,81 @@ class Plots:
         )
 
     def update(self) -> None:
-        """Show what the history has now."""
+        """Show the present history."""
         top = top_of(self._data("friction")[1:])
         if top != self._top:
             self._top = top
             self._handles[-1].scales = friction_scales(top)
         for handle, columns in zip(self._handles, ("speed", "torque", "friction"), strict=True):
             handle.data = self._data(columns)
+        text = belief_text(self._simulation.walkers)
+        if self._beliefs.content != text:
+            self._beliefs.content = text
+        rewards = {
+            walker.policy.short: (rgb(color), self._history.rewards(number))
+            for number, (walker, color) in enumerate(
+                zip(self._simulation.walkers, colors(len(self._simulation.walkers)), strict=True)
+            )
+            if walker.rewards is not None
+        }
+        if rewards:
+            self._rewards.content = reward_bars(rewards, INK[self._dark][0])
+            self._rewards.visible = True
 
     def _data(self, name: str) -> tuple[np.ndarray, ...]:
-        """Return the columns of a plot; that of friction leaves out robots whose walk does not show it."""
+        """Return the columns of a plot; friction without robots that have no map."""
         columns = getattr(self._history, name).columns()
         if name != "friction":
             return tuple(columns)
         time, true, *estimates = columns
         believed = [
-            estimates[3 * n : 3 * n + 3] for n, walker in enumerate(self._simulation.walkers) if walker.believes
+            estimates[COLUMNS * number : COLUMNS * (number + 1)]
+            for number, walker in enumerate(self._simulation.walkers)
+            if walker.believes
         ]
         return (time, true, *chain(*believed))
 
 
 def top_of(columns: tuple[np.ndarray, ...]) -> float:
-    """Return the upper end of the axis of friction over all numbers of some columns that are any [%]."""
+    """Return the upper end of the axis of friction for columns, NaN left out [%]."""
     highest = max((float(np.nanmax(column)) for column in columns if not np.isnan(column).all()), default=0.0)
     return next((top for top in TOPS if 1.1 * highest <= top), TOPS[-1])
 
 
 def friction_scales(top: float) -> dict[str, Any]:
-    """Return the scales of the plot of friction: by itself it finds no range among numbers that are not there yet."""
+    """Return the scales of the plot of friction; NaN alone would give it no range."""
     return {"x": {"time": False}, "y": {"auto": False, "range": (0.0, top)}}
 
 
+def reward_bars(rewards: Mapping[str, tuple[str, Mapping[str, float]]], ink: str) -> str:
+    """Return the reward terms as bars, HTML, the largest as long as the row; left of the middle costs.
+
+    rewards: name of the robot -> colour and weighted mean of every term [1/s]; ink: colour of text.
+    """
+    names = list(dict.fromkeys(name for _, terms in rewards.values() for name in terms))
+    largest = max((abs(value) for _, terms in rewards.values() for value in terms.values()), default=0.0) or 1.0
+    rows = []
+    for name in names:
+        bars: Sequence[str] = [
+            f'<div title="{escape(robot)} {terms.get(name, 0.0):+.3f}" style="height:4px;background:{color};'
+            f"width:{50 * abs(terms.get(name, 0.0)) / largest:.1f}%;"
+            f'margin-left:{50 - 50 * max(-terms.get(name, 0.0), 0.0) / largest:.1f}%"></div>'
+            for robot, (color, terms) in rewards.items()
+        ]
+        numbers = " ".join(f"{terms.get(name, 0.0):+.2f}" for _, terms in rewards.values())
+        rows.append(
+            f'<tr><td>{escape(name)}</td><td style="width:45%">{"".join(bars)}</td>'
+            f'<td style="text-align:right">{numbers}</td></tr>'
+        )
+    title = f"<b>Reward terms of {escape(', '.join(rewards))}</b>, weighted, 1/s"
+    return (
+        f'<div style="padding:0 0.8em;font-size:0.8em;color:{ink}">{title}'
+        f'<table style="width:100%">{"".join(rows)}</table></div>'
+    )
+
+
 def rgb(color: tuple[int, int, int]) -> str:
-    """Return a colour as a style sheet writes it."""
+    """Return a colour in the notation of style sheets."""
     return f"rgb({color[0]}, {color[1]}, {color[2]})"
 
 

@@ -8,7 +8,7 @@ import io
 import logging
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import viser
@@ -18,6 +18,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request
 
 from stiction.core.errors import ConfigurationError
+from stiction.view.page import PAD_HEADER, gamepad_axes
 
 LOOPBACK = "127.0.0.1"
 """Default address to listen on."""
@@ -36,14 +37,17 @@ FIRST, TRIED = 8080, 100
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server without a tunnel to the outside."""
+    """A viser server without a tunnel to the outside, and with gamepads."""
+
+    pads: list[Callable[[tuple[float, ...]], None]]
+    """Functions called with the axes of browsers' gamepads, in the server's thread; see `page.gamepad_axes`."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Share nothing: viser would open a tunnel to a server on the internet when a browser asks for it."""
 
 
 @contextlib.contextmanager
-def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.ViserServer]:
+def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[LocalServer]:
     """Serve on a port, by default the first free one from `FIRST` on.
 
     host: name or address of this machine; browsers may use it, the names of loopback, and for a wildcard the address
@@ -61,8 +65,10 @@ def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.Viser
     os.environ.pop("_VISER_PORT_OVERRIDE", None)
     # What a stranger sends to the port is no error of this program; without this its traceback is on our terminal.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    with _silence(), _guarded(frozenset(map(_authority, (name, host))), chosen) as guards:
+    pads = list[Callable[[tuple[float, ...]], None]]()
+    with _silence(), _guarded(frozenset(map(_authority, (name, host))), chosen, pads) as guards:
         server = LocalServer(host=host, port=chosen, label="stiction view", verbose=False)
+    server.pads = pads
     try:
         if not guards:
             raise ConfigurationError(
@@ -108,8 +114,10 @@ def resolve(host: str) -> str:
 
 
 @contextlib.contextmanager
-def _guarded(names: frozenset[str], port: int) -> Iterator[list[int]]:
+def _guarded(names: frozenset[str], port: int, pads: list[Callable[[tuple[float, ...]], None]]) -> Iterator[list[int]]:
     """Let the server that viser opens within refuse foreign requests, HTTP and WebSocket alike; yield its ports.
+
+    pads: called with the axes of gamepads that its own pages send.
 
     viser has no hook for requests, but it opens its server by websockets' public `serve`, which takes one: that
     function is wrapped while viser starts. The list stays empty where a viser opens its server in another way.
@@ -121,6 +129,10 @@ def _guarded(names: frozenset[str], port: int) -> Iterator[list[int]]:
             here = {_authority(connection.local_address[0])} if host in WILDCARDS else set()
             if (why := refusal(request.headers, names | here, port)) is not None:
                 return connection.respond(403, f"{why}\n")
+            if PAD_HEADER in request.headers and (axes := gamepad_axes(request.path)) is not None:
+                for use in pads:
+                    use(axes)
+                return connection.respond(204, "")
             return None if process_request is None else process_request(connection, request)
 
         guards.append(tried)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from stiction.deploy.plausibility import command_range
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import WearEstimate, WearMonitor
 from stiction.engines.catalog import find_engine, make_engine
-from stiction.engines.engine import BlownUp, Body, Engine, JointFriction, Motion, Pushable
+from stiction.engines.engine import BlownUp, Body, ContactSensing, Engine, JointFriction, Motion, Pushable
 from stiction.engines.ground import Ground, course
 from stiction.evaluation.course import FLAT, START_DISTANCE, Course, straight_on
 from stiction.files.bundle import Bundle
@@ -35,8 +36,11 @@ from stiction.virtual.drive import Noisy
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.trial import VirtualWalk, World
 
+if TYPE_CHECKING:  # Needs torch.
+    from stiction.view.rewards import RewardMeter
+
 LYING = 1.5
-"""How long a robot lies where it fell before it is put back to the start [s]."""
+"""Time that a robot lies where it fell before it is put back to the start [s]."""
 
 MAX_WEAR = 5.0
 """Largest factor on the friction [1]; of a joint whose seals are gone it is 0.3, see `virtual.robot`."""
@@ -44,23 +48,28 @@ MAX_WEAR = 5.0
 FASTEST_PUSH = 3.0
 """Largest push [m/s]."""
 
+WALKING = 0.5
+"""Forward speed at which robots start, unless they were trained for less [m/s]."""
+
 
 @dataclass(frozen=True)
 class ViewedPolicy:
     """One policy to look at."""
 
     name: str
-    """What the robot is called."""
+    """Name of the policy, and after a colon what it was trained for."""
     contract: Contract
-    """What the policy expects."""
+    """Interface of the policy."""
     load: Callable[[], DrivingPolicy]
-    """Makes it, for one robot, its history empty."""
+    """Constructor of the policy for one robot, its history empty."""
     wear: WearModel | None = None
-    """Map from its walk to its joints' friction, where it has one."""
+    """Map from the policy's walk to its joints' friction, if it has one."""
+    rewards: Callable[[], RewardMeter] | None = None
+    """Constructor of the meter of its training's reward terms, of training runs only."""
 
     @property
     def short(self) -> str:
-        """Its name up to the colon."""
+        """Name up to the colon."""
         return self.name.partition(":")[0]
 
     @classmethod
@@ -71,7 +80,7 @@ class ViewedPolicy:
 
 
 def plain_name(contract: Contract) -> str:
-    """Return what a policy's training met, in a few words: `direct: trained at 20 %`."""
+    """Return the training method and the friction in training: `direct: trained at 20 %`."""
     law, (low, high) = contract.friction_law, contract.friction_range
     words = {
         "none": "trained without friction",
@@ -84,48 +93,58 @@ def plain_name(contract: Contract) -> str:
 
 @dataclass(frozen=True)
 class WorldCfg:
-    """Where the robots walk."""
+    """Engine, ground and friction law of all robots."""
 
     engine: str = "mujoco"
     """Name of the physics engine."""
     course: Course = FLAT
-    """The ground; each robot has its own."""
+    """Ground; each robot has its own."""
     law: Law = field(default_factory=Law)
-    """Of the joints' dry friction."""
+    """Law of the joints' dry friction."""
     seed: int = 0
-    """Of sensor noise, and of the slabs of rough ground."""
+    """Seed of sensor noise, and of the slabs of rough ground."""
 
 
 @dataclass(frozen=True)
 class DialledSheet(DataSheet):
-    """The robot of the data sheet; its friction can be had, to be changed while it walks."""
+    """Robot of the data sheet whose friction can be changed while it walks."""
 
-    given: list[JointFriction] = field(default_factory=list)
-    """What `friction` returned."""
+    made: list[JointFriction] = field(default_factory=list)
+    """Frictions that `friction` returned."""
 
     def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
-        self.given.append(super().friction(hidden, spec, timestep))
-        return self.given[-1]
+        self.made.append(super().friction(hidden, spec, timestep))
+        return self.made[-1]
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One robot at the end of a control step."""
+    """State of one robot at the end of a control step."""
 
     motion: Motion
-    """The truth about its body."""
+    """True motion of the robot."""
     torque: np.ndarray
-    """That its motors gave in the last physics step [N m], shape (J,)."""
+    """Motor torque in the last physics step [N m], shape (J,)."""
     friction: np.ndarray
     """Bounds of its joints' dry friction [N m], shape (J,)."""
     step: ControlStep | None
-    """What policy and sensors did; None of a robot that lies."""
+    """Readings and policy output of the control step; None for a robot that lies."""
 
     @property
     def velocity(self) -> np.ndarray:
-        """Forward, sideways [m/s], turn [rad/s], of the base in its frame, shape (3,)."""
+        """Velocity of the base in its frame: forward, sideways [m/s], turn [rad/s], shape (3,)."""
         return np.array([*self.motion.base_linear_velocity[:2], self.motion.base_angular_velocity[2]])
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Estimate of a robot's joint friction from the last window of its walk."""
+
+    estimate: WearEstimate
+    """Estimate of the window."""
+    changed: bool
+    """True if the friction was changed within the window."""
 
 
 class Walker:
@@ -142,11 +161,13 @@ class Walker:
         self.range = command_range(policy.contract)
         self._monitor = None if policy.wear is None else WearMonitor(policy.contract, policy.wear)
         self.start = 0.0 if cfg.course.is_flat else -START_DISTANCE
-        """Where it starts, along x [m]."""
+        """Position of the start along x [m]."""
         self.falls = 0
-        """How often it fell."""
-        self.belief: WearEstimate | None = None
-        """What the policy's walk told last of its joints' friction; None: nothing yet, or it has no map for that."""
+        """Number of falls."""
+        self.belief: Belief | None = None
+        """Last estimate of the joints' friction; None before the end of the first window, or without a map."""
+        self.rewards: RewardMeter | None = None
+        """Meter of the reward terms of the policy's training; None if it is no training run."""
         engine = find_engine(cfg.engine)
         engines: list[Engine] = []
 
@@ -155,42 +176,71 @@ class Walker:
             engines.append(make_engine(cfg.engine, body, around, timestep))
             return engines[-1]
 
-        world = World(make, ground, (self.start, 0.0), timestep=engine.timestep, noise=NoiseCfg())
+        self._world = world = World(make, ground, (self.start, 0.0), timestep=engine.timestep, noise=NoiseCfg())
         # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
         sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
         noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
         robot = world.robot(sheet, self.spec, sensors)
-        (self._engine,), (self._friction,) = engines, sheet.given
+        (self._engine,), (self._friction,) = engines, sheet.made
         self._port = Noisy(robot.handle, NoiseCfg(), noise)
         self._walk = VirtualWalk(robot, Pilot(self._port, self.policy.load()), world, self.spec)
+        self._level: np.ndarray | None = None
         self.set_friction(level)
+        self._measure_rewards()
         self.reset()
 
     @property
     def believes(self) -> bool:
-        """Whether the policy's walk tells anything of its joints' friction."""
+        """True if the policy has a map from its walk to its joints' friction."""
         return self._monitor is not None
 
     @property
+    def doubt(self) -> str | None:
+        """Reason not to trust the last estimate of the joints' friction; None if there is none."""
+        if self.belief is None:
+            return None
+        if self.belief.changed:
+            return "the friction changed within the window"
+        if self._outdated:
+            return "the friction changed after the window"
+        return self.belief.estimate.untold[-1]
+
+    @property
     def lies(self) -> bool:
-        """Whether it has fallen and waits."""
+        """True if the robot has fallen and waits."""
         return self._left > 0
 
     def teach(self, policy: ViewedPolicy) -> None:
-        """Give the robot another policy, as it walks."""
+        """Replace the robot's policy while it walks."""
         self.policy = policy
         self._walk.pilot = Pilot(self._port, policy.load())
+        self._measure_rewards()
+
+    def contact_forces(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return point [m] and force [N] of its contacts with the ground; empty where the engine reports none."""
+        return self._engine.contact_forces() if isinstance(self._engine, ContactSensing) else []
+
+    @property
+    def senses_contacts(self) -> bool:
+        """True if the engine reports contact forces."""
+        return isinstance(self._engine, ContactSensing)
 
     def reset(self) -> None:
         """Put the robot to the start, standing."""
         self._walk.place(self.policy.contract.array("standing"))
         self._left, self.belief = 0.0, None
+        self._begin_window()
         if self._monitor is not None:
             self._monitor.reset()
+        if self.rewards is not None:
+            self.rewards.reset()
         self.seen = self._look(None)
 
     def set_friction(self, level: np.ndarray) -> None:
         """Set the level of each joint's friction, torque [N m] or coefficient [-], shape (J,)."""
+        if self._level is not None and not np.array_equal(level, self._level):
+            self._outdated, self._changed = True, self._window_begun
+        self._level = level
         self._friction.set_levels(level)
 
     def push(self, velocity: np.ndarray) -> None:
@@ -209,16 +259,33 @@ class Walker:
             else:
                 self.seen = replace(self.seen, step=None)
             return
+        command = np.clip(velocity, *self.range)
         try:
-            step = self._walk.step(np.clip(velocity, *self.range))
+            step = self._walk.step(command)
         except BlownUp:
             self._fall()
             return
         self.seen = self._look(step)
-        if self._walk.fallen:
+        fallen = self._walk.fallen
+        if self.rewards is not None:
+            motion = self.seen.motion
+            height = self._world.height(motion.base_position[:2])
+            self.rewards.add(motion, self.seen.torque, step.policy.action, command, fallen, height)
+        if fallen:
             self._fall()
-        elif self._monitor is not None:
-            self.belief = self._monitor.step(step.policy.observation) or self.belief
+            return
+        self._window_begun = True
+        if self._monitor is not None and (estimate := self._monitor.step(step.policy.observation)) is not None:
+            self.belief = Belief(estimate, self._changed)
+            self._begin_window()
+
+    def _begin_window(self) -> None:
+        """Begin a window of the monitor, in which no step was taken and no friction changed."""
+        self._window_begun = self._changed = self._outdated = False
+
+    def _measure_rewards(self) -> None:
+        """Measure the reward terms of the present policy's training."""
+        self.rewards = None if self.policy.rewards is None else self.policy.rewards()
 
     def _fall(self) -> None:
         """Let the robot lie for a while."""
@@ -227,16 +294,16 @@ class Walker:
         self.seen = replace(self.seen, step=None)
 
     def _look(self, step: ControlStep | None) -> Seen:
-        """Return what there is to see of the robot."""
+        """Return the state of the robot after a control step; step: of a robot that walks."""
         truth = self._walk.seen
         return Seen(truth.motion, truth.torque, truth.friction, step)
 
 
 class Simulation:
-    """Robots side by side. Numbers that are out of range are taken as the nearest that is not."""
+    """Robots side by side; numbers out of range are clipped."""
 
     def __init__(self, policies: Sequence[ViewedPolicy], spec: Robot, cfg: WorldCfg | None = None) -> None:
-        """Put one robot a policy to the start, told to stand, without dry friction.
+        """Put one robot per policy to the start, commanded to walk, without dry friction.
 
         Raises `StictionError`: no policy, policies of other robots or control periods, or no such engine.
         """
@@ -260,13 +327,13 @@ class Simulation:
         self.velocity = np.zeros(3)
         """Command: forward, sideways [m/s], turn [rad/s]."""
         self.straight = True
-        """Whether robots that are not told to turn are held straight on, so that they stay side by side; over a course
-        they always are."""
+        """True if robots that are not commanded to turn are held straight on; over a course they always are."""
         self._enter(cfg or WorldCfg(), policies)
+        self.set_velocity((WALKING, 0.0, 0.0))
 
     @property
     def range(self) -> np.ndarray:
-        """Commands that every policy was trained for: lower and upper ends, shape (2, 3)."""
+        """Range of commands that every policy was trained for: lower and upper ends, shape (2, 3)."""
         ranges = np.array([walker.range for walker in self.walkers])
         return np.stack((ranges[:, 0].max(axis=0), ranges[:, 1].min(axis=0)))
 
@@ -275,16 +342,16 @@ class Simulation:
         self._enter(cfg, [walker.policy for walker in self.walkers])
 
     def _enter(self, cfg: WorldCfg, policies: Sequence[ViewedPolicy]) -> None:
-        """Put one robot a policy to the start of a world."""
+        """Put one robot per policy to the start of a world."""
         ground, level = course(cfg.course.kind, cfg.course.size, cfg.seed), self._level(cfg.law)
         # All new robots before anything else is changed: where one cannot be made, the old world stays.
         self.walkers = [Walker(policy, self.spec, cfg, ground, level) for policy in policies]
         self.cfg, self.ground = cfg, ground
         self.time = 0.0
-        """Simulated since the last start [s]."""
+        """Simulated time since the last start [s]."""
 
     def reset(self) -> None:
-        """Put all robots to the start, under the command that they have."""
+        """Put all robots to the start; the command stays."""
         for walker in self.walkers:
             walker.reset()
         self.time = 0.0
@@ -306,7 +373,7 @@ class Simulation:
         self._set_friction()
 
     def push(self, velocity: Sequence[float]) -> None:
-        """Add a velocity, forward and to the left of each robot [m/s], to that of all that stand."""
+        """Add a velocity, forward and to the left of each robot [m/s], to that of all robots that have not fallen."""
         forward, left = np.clip([finite(value) for value in velocity], -FASTEST_PUSH, FASTEST_PUSH)
         for walker in self.walkers:
             if not walker.lies:
@@ -336,7 +403,7 @@ class Simulation:
 
 
 def finite(value: float) -> float:
-    """Return a number; raise `StictionError` for what is none."""
+    """Return a number; raise `StictionError` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
-        raise ConfigurationError(f"{value!r} is no finite number")
+        raise ConfigurationError(f"got {str(value)[:40]!r}, expected a finite number; enter one")
     return float(value)
