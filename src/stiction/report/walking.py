@@ -159,7 +159,7 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
             axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2)
             for bound in coefficient.interval95:
                 axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1)
-        axis.set_title(f"{kind}: {span(coefficient)}", fontsize=8)
+        axis.set_title(f"{kind}: {span(coefficient)}")
         axis.set_xlabel("load [N]")
     caption = (
         "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
