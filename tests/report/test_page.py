@@ -63,8 +63,7 @@ def test_a_name_in_a_figure_is_no_formula(name: str, tmp_path: Path) -> None:
         save_figure(figure, tmp_path / f"it.{kind}")
         assert (tmp_path / f"it.{kind}").stat().st_size > 1000
     ticks = [text.get_text() for text in axis.get_xticklabels()]
-    assert any("mathdefault" in text for text in ticks)
-    assert all(text.get_parse_math() for text in axis.get_xticklabels())
+    assert {"1", "10"} <= set(ticks)
 
 
 def test_a_figure_on_a_page_is_text_of_the_page_and_the_same_every_time() -> None:

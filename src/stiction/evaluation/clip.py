@@ -170,7 +170,7 @@ def _captioned(scene: Any, lanes: Sequence[Lane], title: str) -> Any:
     if not lanes:
         return scene
     words = [title, *(lane.name for lane in lanes)]
-    size = CAPTION
+    size: float = CAPTION
     while max(ImageFont.load_default(size).getlength(word) for word in words) > 0.72 * scene.width:
         size *= 0.9
     font, line = ImageFont.load_default(size), round(1.3 * CAPTION)

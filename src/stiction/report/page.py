@@ -238,26 +238,23 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
 
 def name_plainly(figure: Figure) -> Figure:
     """Make no text of a figure do anything nor be under `TEXT`, and return the figure: names come from files, and `$`
-    is no formula.
-
-    Numbers of a logarithmic axis stay formulas: matplotlib writes them itself.
+    is no formula. Numbers of a logarithmic axis are `1e-02`: the exponent of a formula is smaller.
     """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
-    own = {
-        id(text)
-        for axes in figure.axes
-        for axis in (axes.xaxis, axes.yaxis)
-        for minor in (False, True)
-        if isinstance(axis.get_minor_formatter() if minor else axis.get_major_formatter(), LogFormatter)
-        for text in axis.get_ticklabels(minor=minor)
-    }
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        for formatter, put in (
+            (axis.get_major_formatter(), axis.set_major_formatter),
+            (axis.get_minor_formatter(), axis.set_minor_formatter),
+        ):
+            if isinstance(formatter, LogFormatter):
+                put(LogFormatter(formatter._base, formatter.labelOnlyBase, formatter.minor_thresholds))
     for text in figure.findobj(Text):
         text.set_text(escaped(text.get_text()))
         text.set_usetex(False)
+        text.set_parse_math(False)
         text.set_fontsize(max(text.get_fontsize(), TEXT))
-        text.set_parse_math(id(text) in own)
     return figure
 
 
@@ -351,11 +348,14 @@ def render_page(
     warnings: Sequence[str] = (),
     command: str = "",
     date: str = "",
+    opening: Sequence[Markup] = (),
+    figure: Markup | None = None,
 ) -> str:
     """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
 
     lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
-    date: of the page, by default today.
+    date: of the page, by default today; opening: blocks above the answer, side by side; in a
+    narrow window all but the first come below it. figure: that shows the answer, below it.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
     shown = 1 if len(warnings) > MOST_WARNINGS else len(warnings)
@@ -370,6 +370,8 @@ def render_page(
             anchors=anchors([section.title for section in sections]),
             listed=len(sections) >= FEWEST_LISTED,
             made=drawn + (f"; what it shows was made by `{short}`." if command else "."),
+            opening=opening,
+            figure=figure,
             lead=[line for line in lines if line],
             warnings=warnings[:shown],
             more=warnings[shown:],
