@@ -104,7 +104,7 @@ BAND = f"{100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} %"
 def shade_following(axis: Axes, along: Literal["x", "y"] = "y") -> None:
     """Shade the speeds over the commanded one that count as following. along: the axis that they are on."""
     span = axis.axhspan if along == "y" else axis.axvspan
-    span(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0, label=f"follows: {BAND} of the command")
+    span(*FOLLOWS, color=COLORS[2], alpha=0.18, linewidth=0, label=f"follows: {BAND} of the command")
 
 
 def friction_text(law: str, level: float) -> str:

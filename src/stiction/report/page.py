@@ -238,10 +238,14 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
 
 def name_plainly(figure: Figure) -> Figure:
     """Make no text of a figure do anything nor be under `TEXT`, and return the figure: names come from files, and `$`
-    is no formula. Numbers of a logarithmic axis are `1e-02`: the exponent of a formula is smaller.
+    is no formula. Numbers of a logarithmic axis are `0.01`: the exponent of 10⁻² is smaller.
     """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
+
+    class Plain(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return f"{x:g}" if super().__call__(x, pos) else ""
 
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         for formatter, put in (
@@ -249,7 +253,7 @@ def name_plainly(figure: Figure) -> Figure:
             (axis.get_minor_formatter(), axis.set_minor_formatter),
         ):
             if isinstance(formatter, LogFormatter):
-                put(LogFormatter(formatter._base, formatter.labelOnlyBase, formatter.minor_thresholds))
+                put(Plain(10.0, formatter.labelOnlyBase, formatter.minor_thresholds))
     for text in figure.findobj(Text):
         text.set_text(escaped(text.get_text()))
         text.set_usetex(False)
