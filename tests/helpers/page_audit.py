@@ -23,6 +23,8 @@ SMALLEST = 12.0
 
 AUDIT = """(root, contrast, smallest, answered) => {
   const faults = [], pen = Object.assign(document.createElement("canvas"), {width: 1, height: 1}).getContext("2d");
+  // A transition that another width began would be measured on its way.
+  document.getAnimations().forEach(one => { try { one.finish() } catch { one.cancel() } });
   const rgba = color => {
     pen.clearRect(0, 0, 1, 1); pen.fillStyle = "#000"; pen.fillStyle = color; pen.fillRect(0, 0, 1, 1);
     const [r, g, b, a] = pen.getImageData(0, 0, 1, 1).data; return [r, g, b, a / 255];
@@ -77,6 +79,7 @@ def page_faults(tab: Tab, root: str = "body", answered: bool = True) -> list[str
 
     root: selector of what is measured; answered: whether its answer and its figure belong into the first screen.
     """
+    tab.wait("location.href != 'about:blank' && document.readyState == 'complete'")
     faults: list[str] = []
     words: tuple[Any, ...] = (repr(root), CONTRAST, SMALLEST, str(answered).lower())
     for width, dark in VIEWS:

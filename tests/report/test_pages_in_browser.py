@@ -156,7 +156,6 @@ PAGES = [
 def test_a_page_can_be_read_anywhere(make: Callable[[Path], Path], browser: Browser, tmp_path: Path) -> None:
     """Holds contrast, sizes, the first screen and a quiet console, in windows of two widths and both schemes."""
     tab = browser.tab(make(tmp_path).as_uri())
-    tab.wait("document.readyState == 'complete'")
     assert page_faults(tab) == []
 
 
@@ -181,7 +180,6 @@ def test_the_gate_sees_each_fault(body: str, fault: str, browser: Browser, tmp_p
     page = tmp_path / "page.html"
     page.write_text(f"<!doctype html><html lang=en><body style='background:#fff;color:#000'>{body}</body></html>")
     tab = browser.tab(page.as_uri())
-    tab.wait("document.readyState == 'complete'")
     assert [text for text in page_faults(tab) if fault in text]
 
 
@@ -200,7 +198,6 @@ def test_the_front_page_of_the_site_can_be_read_and_begins_with_the_film(browser
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         tab = browser.tab(f"http://127.0.0.1:{server.server_port}/index.html")
-        tab.wait("document.readyState == 'complete'")
         assert page_faults(tab, ".md-content", answered=False) == []
         film = tab.run(
             "(({top, width}) => [top, width])(document.querySelector('.md-content img').getBoundingClientRect())"
