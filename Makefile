@@ -33,11 +33,12 @@ export STICTION_DATA := $(abspath ../shared/data)
 endif
 endif
 
-.PHONY: help demo test test-mjlab check format bench docs dist lock sbom clean
+.PHONY: help demo browser test test-mjlab check format bench docs dist lock sbom clean
 
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
 	@echo "make test    run every test (ARGS=\"-m 'not slow'\" leaves out the slow ones)"
+	@echo "make browser install Chromium, which tests open pages with, where this is Debian and you are root"
 	@echo "make test-mjlab  run what is for mjlab and for Playground, with mjlab and MJX in an environment of its own"
 	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
@@ -54,6 +55,14 @@ demo: $(READY)
 # Two processes with a file each at a time, in the order of tests/conftest.py: most tests are of one thread.
 test: $(READY)
 	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+
+# Without one, tests that open pages skip and say so.
+browser:
+	@for name in chromium chromium-browser google-chrome google-chrome-stable; do \
+		command -v $$name >/dev/null && exit 0; done; \
+	if test "$$(id -u)" = 0 && grep -qx ID=debian /etc/os-release 2>/dev/null; then \
+		apt-get update --quiet=2 && apt-get install --quiet=2 --yes --no-install-recommends chromium; \
+	else echo "no Chromium, and no Debian whose root could install it: tests that open pages skip"; fi
 
 test-mjlab: $(MJLAB)/.ready
 	MJLAB_WARP_QUIET=1 $(MJLAB)/bin/python -m pytest -p no:cacheprovider tests/exchange/mjlab \

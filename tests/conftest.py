@@ -30,6 +30,7 @@ LONG = (
         "identification/logs/test_limits.py",
         "identification/logs/test_recipes.py",
     ),
+    "report/test_pages_in_browser.py",
     *("identification/test_combinations.py", "identification/test_go2.py", "identification/test_loop_choice.py"),
     *("identification/test_pipeline.py", "identification/test_record.py", "virtual/test_run_bench.py"),
 )

@@ -38,9 +38,9 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     assert main(["demo", "--out", str(out), "--bundles", *bundles, *SHORT, "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     walked = [(row["friction_level"], row["command"]) for row in summary["rows"] if row["policy"] == "toy-none"]
-    assert walked == [(level, command) for level in (0, 0.1, 0.2, 0.3) for command in demo.COMMANDS]
+    assert walked == [(level, command) for level in (0, 0.12, 0.24, 0.36) for command in demo.COMMANDS]
     assert set(demo.COMMANDS) < set(COMMAND_SET)
-    assert any("measured record" in text for text in summary["warnings"])
+    assert not [text for text in summary["warnings"] if "OpenGL" not in text]
     page = (out / "report.html").read_text()
     told = summary["joints"]["shank"]["diagnostics"]["verdict"]["lines"]
     assert len(told) == 3 and all(line in unescape(re.sub("</?code>", "`", page)) for line in told)
@@ -55,7 +55,7 @@ def test_the_page_holds_every_stage_and_needs_no_network(
         summary["policies"]["toy-none"]["digest"][:16],
     ):
         assert text in page
-    assert re.search(r"Trained without friction, it follows (all 4 commands|[0-3] of 4) (at|from) .* 30 %", page)
+    assert re.search(r"Trained without friction, it follows (all 4 commands|[0-3] of 4) (at|from) .* 36 %", page)
     assert "Walked here: vx=0.5, vx=-0.5, vy=0.3, wz=0.5; stiction evaluate walks all fifteen commands." in page
     assert 'src="http' not in page
     assert "<script" not in page

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import IO
 
 import pytest
@@ -17,13 +16,11 @@ def blank_figures() -> Iterator[None]:
     """Let files of figures be blank, for tests that look at no picture; what is plotted and written is all there."""
     from matplotlib.figure import Figure
 
-    def blank(figure: Figure, file: Path | str | IO[bytes], **settings: object) -> None:
-        if isinstance(file, (Path, str)):
-            Path(file).write_bytes(b"blank")
-        else:
-            file.write(b"blank")
+    def blank(figure: Figure, file: IO[bytes], **settings: object) -> None:
+        file.write(b"blank")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "finished", lambda figure: figure)
+        patch.setattr(page, "paletted", lambda png: png)
         patch.setattr(Figure, "savefig", blank)
         yield

@@ -20,6 +20,12 @@ FILE = 700_000
 LARGER = {"results/adaptation/summary.json", "results/replication/summary.json"}
 """Files that are larger, until they are made anew or go."""
 
+IMAGES = 2_000_000
+"""Largest size of all images and films together [B]."""
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".gif", ".webp", ".webm", ".mp4", ".svg")
+"""Ends of their names."""
+
 SHIPPED = "src/stiction/policies/"
 
 
@@ -39,6 +45,13 @@ def test_the_tree_and_its_files_are_small(sizes: dict[str, int]) -> None:
     assert sum(sizes.values()) <= TREE
     large = {name for name, size in sizes.items() if size > FILE and not name.startswith(SHIPPED)}
     assert large == LARGER
+
+
+def test_images_and_films_together_are_small(sizes: dict[str, int]) -> None:
+    """Holds what a reader of the documents downloads: `save_figure` writes 64 colours, `tools/hero.py` the film."""
+    images = {name: size for name, size in sizes.items() if name.endswith(SUFFIXES)}
+    assert "docs/hero.webp" in images and "docs/viewer.webp" in images
+    assert sum(images.values()) <= IMAGES, sorted(images.items(), key=lambda one: -one[1])[:5]
 
 
 def test_results_are_text_figures_and_networks(sizes: dict[str, int]) -> None:

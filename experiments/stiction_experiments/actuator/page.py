@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from stiction.files.results import ResultRow
 from stiction.report.following import shade_following
-from stiction.report.page import Section, figure_uri, fold, legend, mark_look, new_figure, paragraph, picture, table
+from stiction.report.page import Section, figure_block, fold, legend, mark_look, new_figure, paragraph, table
 from stiction_experiments.actuator.config import VARIANTS
 from stiction_experiments.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction_experiments.lab.files import row_of
@@ -37,7 +37,7 @@ def report(found: dict[str, Any]) -> Report:
         tables={"results": [_named_by_robot(row) for row in rows]},
         sections=(
             Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
-            Section("Speed reached", (picture(figure_uri(figure), CAPTION), fold(EVERY, [speed_table(rows)]))),
+            Section("Speed reached", (figure_block(figure, CAPTION), fold(EVERY, [speed_table(rows)]))),
             Section("The Actuator Nets", (net_table(found["nets"]), cross_table(found["cross"]))),
             Section("The virtual robots", (paragraph(ROBOTS), robot_table(found["robots"]))),
         ),

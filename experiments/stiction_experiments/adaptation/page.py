@@ -13,14 +13,13 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     fold,
     legend,
     line_look,
     mark_look,
     new_figure,
     paragraph,
-    picture,
     same_scale,
     table,
 )
@@ -257,14 +256,14 @@ def sections(summary: dict[str, Any], effects: Figure | None, probes: Figure) ->
     if effects is not None:
         each = {name: run["latents"]["effects"] for name, run in runs}
         tables = over_runs({m: one for m, one in methods.items() if one["effects"]}, each, "effects", effects_table)
-        parts = (paragraph(ABOUT_LATENTS), picture(figure_uri(effects), EACH_LINE), *tables)
+        parts = (paragraph(ABOUT_LATENTS), figure_block(effects, EACH_LINE), *tables)
         latents = [Section("Latents taken away and swapped", parts)]
     readable = over_runs(methods, {name: run["probes"] for name, run in runs}, "probes", probes_table)
     return [
         *latents,
         Section(
             "How much friction can be read from what the policy knows",
-            (paragraph(ABOUT_PROBES), picture(figure_uri(probes), EACH_DOT), *readable),
+            (paragraph(ABOUT_PROBES), figure_block(probes, EACH_DOT), *readable),
         ),
         Section("Can it watch for wear?", (paragraph(ABOUT_WEAR.format(summary["threshold"])), *wear)),
     ]

@@ -15,12 +15,11 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     fold,
     legend,
     new_figure,
     paragraph,
-    picture,
     table,
 )
 from stiction_experiments.bench.robots import IdentifiedFriction, Score, score
@@ -58,7 +57,7 @@ def report(
         lead=answer,
         tables={"bench": rows},
         sections=(
-            Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
+            Section("Found over true", (figure_block(figure, CAPTION), paragraph(SHOWN))),
             Section("Each robot", (robots_table(rows),)),
             Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
             Section("How a training takes it", (paragraph(TAKEN), steps)),
@@ -120,7 +119,7 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
             color = COLORS[index % len(COLORS)]
             axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
     axis.set(ylabel="found over true", xticks=[])
-    legend(axis, fontsize=7, ncols=2)
+    legend(axis, ncols=2)
     return figure
 
 

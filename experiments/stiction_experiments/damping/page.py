@@ -11,12 +11,11 @@ from markupsafe import Markup
 from stiction.report.page import (
     COLORS,
     Section,
-    figure_uri,
+    figure_block,
     fold,
     legend,
     new_figure,
     paragraph,
-    picture,
     row_table,
     table,
 )
@@ -153,7 +152,7 @@ ONE_NUMBER = "They are one number while the motor stays under its torque limit, 
 
 def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> list[Section]:
     """Return the sections of the page. study: settings of the joint's study."""
-    shown = picture(figure_uri(figure), CAPTION.format(sampled=1000 * study["step"]))
+    shown = figure_block(figure, CAPTION.format(sampled=1000 * study["step"]))
     folds = (
         fold("Every difference", [swap_table(result.swaps)]),
         fold("Stability of the loops", [stability_table(result.swaps)]),

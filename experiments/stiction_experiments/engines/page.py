@@ -17,7 +17,7 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     file_uri,
     fold,
     labelled,
@@ -148,7 +148,6 @@ def draw_walks(rows: Sequence[WalkRow], episodes: Sequence[EpisodeRow]) -> Figur
             axis.plot([row.speed_ratio for row in means], heights, "|", color=color, markersize=9, label=name)
         axis.set(xlabel="speed over commanded speed", title=f"{level:.0%} friction", ylim=(len(cells) - 0.5, -0.5))
         axis.set_yticks(range(len(cells)), [f"{policy}\n{command}" for policy, command in cells])
-        axis.tick_params(axis="y", labelsize=6)
     legend(figure, labelled(axes[0]), loc="outside lower center", ncols=4)
     return figure
 
@@ -269,7 +268,7 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
         motions = picture(file_uri(result.motions), motions_text(result), white=True)
     else:
         figures["motions"] = drawn = draw_motions(result.motions)
-        motions = picture(figure_uri(drawn), motions_text(result))
+        motions = figure_block(drawn, motions_text(result))
     found = {"failures": len(failed), "answers": answers, "missing": result.missing}
     return Report(
         title="What does each physics engine do with a joint, a foot, a walk?",
@@ -354,7 +353,7 @@ def sections(result: EnginesResult, motions: Markup, walks: Figure | None, robot
     ]
     if walks is not None:
         caption = f"Bars: means; points: episodes; grey: the commanded speed ±{CLOSE:.0%}."
-        blocks = (picture(figure_uri(walks), caption), table(*simulator_table(result.walks)), paragraph(HOW_WALKS))
+        blocks = (figure_block(walks, caption), table(*simulator_table(result.walks)), paragraph(HOW_WALKS))
         every = [walk_table(result.walks, _speeds, SPEEDS), walk_table(result.walks, _verdicts, VERDICTS)]
         cells = (fold("Every policy, friction and command, simulators side by side", every),)
         found.append(Section("The same policies in every simulator", (*blocks, *cells)))

@@ -17,14 +17,13 @@ from stiction.report.page import (
     INK,
     Section,
     Sheet,
-    figure_uri,
+    figure_block,
     fold,
     label_ends,
     legend,
     line_look,
     new_figure,
     paragraph,
-    picture,
     same_scale,
     settings_table,
 )
@@ -143,7 +142,7 @@ def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
             _draw_mean(axis, [m for m in means if m.command == command], look, WORDS[command])
         seeds = len({row.seed for row in walked})
         own = short_name(name) if who == STUDENT else f"{short_name(name)}, {who}"
-        axis.set_title(f"{own}, {seeds} seed{'s' * (seeds > 1)}", fontsize=9)
+        axis.set_title(f"{own}, {seeds} seed{'s' * (seeds > 1)}")
     used, unused = axes[: len(pairs)], axes[len(pairs) :]
     for axis in unused:
         axis.set_visible(False)
@@ -353,7 +352,7 @@ def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapp
         page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *folded)))
     for name, figure in figures.items():
         heading, caption = FIGURES[name]
-        page.append(Section(heading, (picture(figure_uri(figure), caption),)))
+        page.append(Section(heading, (figure_block(figure, caption),)))
     tables = [fold(sheet.title, sheet.blocks()) for name, sheet in sheets.items() if name not in APART]
     return [*page, Section("Tables", tuple(tables))]
 

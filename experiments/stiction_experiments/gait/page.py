@@ -16,7 +16,7 @@ from stiction.files.tables import publish_npz
 from stiction.report.page import (
     COLORS,
     Section,
-    figure_uri,
+    figure_block,
     file_uri,
     new_figure,
     paragraph,
@@ -106,7 +106,7 @@ def report(
     )
     diagram: tuple[Markup, ...] = ()
     if figure is not None:
-        diagram = (picture(figure_uri(figure), caption),)
+        diagram = (figure_block(figure, caption),)
     elif drawn is not None:
         diagram = (picture(file_uri(drawn), caption, white=True),)
     return Report(
@@ -140,7 +140,7 @@ def draw_gaits(walked: Sequence[Walked]) -> Figure:
             axis.broken_barh(bars(shown[:, line], one.period), (line - 0.38, 0.76), color=COLORS[foot.group])
         axis.set(xlim=(0.0, len(shown) * one.period), ylim=(len(feet) - 0.5, -0.5), xlabel="time [s]")
         axis.set_yticks(range(len(feet)), [foot.foot for foot in feet])
-        axis.set_title(f"{row.policy}, {row.command}: {row.gait}", fontsize=8)
+        axis.set_title(f"{row.policy}, {row.command}: {row.gait}")
     return figure
 
 

@@ -19,14 +19,13 @@ from stiction.report.page import (
     Sheet,
     Spread,
     draw_seeds,
-    figure_uri,
+    figure_block,
     fold,
     label_ends,
     labelled,
     legend,
     new_figure,
     paragraph,
-    picture,
     settings_table,
     table,
 )
@@ -80,8 +79,8 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
         label_ends(axis)
         if not has_coefficient(law):
             top = axis.secondary_xaxis("top", functions=(lambda level: level * unit, lambda angle: angle / unit))
-            top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
-            top.tick_params(colors=INK, labelsize=7)
+            top.set_xlabel("dead band f/kp of the shank [mrad]", color=INK)
+            top.tick_params(colors=INK)
     for axis in axes[len(shown) :]:
         axis.set_visible(False)
     axes[0].set_ylabel("speed reached / commanded")
@@ -106,18 +105,18 @@ def draw_needs(cells: Sequence[Following], methods: Sequence[str]) -> Figure:
         for cell in (cell for cell in cells if cell.engine == engine and cell.method in shown):
             at, row = levels.index(cell.friction_level), shown.index(cell.method)
             share = cell.follow / cell.seeds
-            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.9 * share, linewidth=0)
+            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.02 + 0.23 * share, linewidth=0)
             wrong = (("▼", cell.too_slow), ("▲", cell.too_fast), ("×", cell.fell))
             text = " ".join(f"{mark}{number}" for mark, number in wrong if number)
             label = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
-            axis.text(at, row, label, ha="center", va="center", fontsize=7.5, color="black" if share >= 0.5 else INK)
+            axis.text(at, row, label, ha="center", va="center", color=INK)
         axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
         axis.set_yticks(range(len(shown)), shown)
         axis.grid(False)
         axis.set(title=engine, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
     for axis in axes[len(engines) :]:
         axis.set_visible(False)
-    figure.supxlabel("dry friction over each joint's torque limit", fontsize=9, color=INK)
+    figure.supxlabel("dry friction over each joint's torque limit", color=INK)
     return figure
 
 
@@ -373,12 +372,12 @@ def sections(result: Replication, figures: Mapping[str, Figure], sheets: Mapping
             "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow in one direction, too "
             "fast in the other."
         )
-        image = picture(figure_uri(figures["needs"]), caption)
+        image = figure_block(figures["needs"], caption)
         needs = *shown("needs"), image, *folded("places", "The same place by place, in numbers")
     levels: tuple[Markup, ...] = ()
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
-        image = picture(figure_uri(figures["budget"]), caption)
+        image = figure_block(figures["budget"], caption)
         levels = image, *folded("onsets", f"Where each method slows under {SLOW}, in numbers")
     page = [
         Section("Which training does my joint need?", needs),

@@ -14,14 +14,13 @@ from stiction.evaluation.course import PATIENCE
 from stiction.report.page import (
     INK,
     Section,
-    figure_uri,
+    figure_block,
     fold,
     legend,
     line_look,
     mark_look,
     new_figure,
     paragraph,
-    picture,
     table,
 )
 from stiction.robots.terrain import LANDING, STEPS, TREAD
@@ -49,7 +48,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
         lead="\n".join(found),
         tables={"stairs": rows},
         sections=(
-            Section("Success over step height", (picture(figure_uri(figure), caption),)),
+            Section("Success over step height", (figure_block(figure, caption),)),
             Section(
                 "Every height",
                 (fold("Trials, falls and steps passed, height by height", [table(header, lines, grouped=True)]),),

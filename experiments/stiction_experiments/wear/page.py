@@ -12,7 +12,7 @@ from stiction.files.wear import LEVEL
 from stiction.report.following import shade_following
 from stiction.report.page import (
     Section,
-    figure_uri,
+    figure_block,
     fold,
     label_ends,
     labelled,
@@ -21,7 +21,6 @@ from stiction.report.page import (
     mark_look,
     new_figure,
     paragraph,
-    picture,
     row_table,
     table,
 )
@@ -133,7 +132,7 @@ def report(
     ratios = draw_ratios(grown, worn, settings["settings"]["wear"]["joints"])
     monitor = draw_readings(noticed) if noticed else None
     unread = NO_READING if any(row.monitored for row in lifetimes) else NO_MONITOR
-    shown = paragraph(unread) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
+    shown = paragraph(unread) if monitor is None else figure_block(monitor, MONITOR_CAPTION)
     groups, methods = settings["groups"], settings["ways"]
     lines = [lead(groups, settings["settings"]), *answers(groups, methods)]
     joints = ", ".join(settings["settings"]["wear"]["joints"]) or "all joints"
@@ -144,7 +143,7 @@ def report(
         lead=lines[0],
         tables={"lives": lifetimes, "windows": windows, "readings": readings},
         sections=(
-            Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
+            Section("Speed while friction grows", (figure_block(ratios, SPEED),)),
             Section("Every policy", (group_table(groups), paragraph(ENDS))),
             *([over_seeds] if methods else []),
             Section("Every robot", (fold("Speed, end and readings, robot by robot", [row_table(worn, grouped=True)]),)),

@@ -145,12 +145,13 @@ def _identify_example(out: Path) -> DemoJoint:
 
 
 def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
-    """Identify the measured record where it is at hand; say so where it is not."""
+    """Identify the measured record where it is at hand; say so where STICTION_DATA names a folder without it."""
     folder = os.environ.get("STICTION_DATA")
-    record = Path(folder) / EMPS if folder else None
-    if record is None or not record.is_file():
-        where = f"{folder} has no {EMPS}" if folder else "STICTION_DATA names no folder"
-        warnings.append(f"The measured record of a linear drive was left out: {where}.")
+    if not folder:
+        return []
+    record = Path(folder) / EMPS
+    if not record.is_file():
+        warnings.append(f"The measured record of a linear drive was left out: {folder} has no {EMPS}.")
         return []
     title = "a linear drive, measured (EMPS, nonlinearbenchmark.org)"
     return [_identify(title, [str(record), *EMPS_OPTIONS, "--out", str(out / "emps")])]
@@ -218,7 +219,8 @@ def _evaluate(
     from stiction.report.demo import policy_names, render_demo
     from stiction.report.evaluation import write_evaluation
 
-    level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
+    # The most that any of them met in training.
+    level = max((round(check.bundle.contract.friction_range[1], 6) for check in checks), default=0.0) or LEVEL
     rows: list[ResultRow] = []
     summary: dict[str, Any] = {
         "command": shlex.join(["stiction", "demo", *arguments]),
@@ -246,7 +248,7 @@ def _settings(cfg: DemoCfg, levels: tuple[float, ...] = (0.0,)) -> EvaluationCfg
 
 
 def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Evaluate the policies from no friction to half more than the nominal level."""
+    """Evaluate the policies from no friction to half more than a level."""
     from stiction.core.provenance import num_threads
     from stiction.core.records import make_folder
     from stiction.evaluation.grid import GridCfg
@@ -266,16 +268,18 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
 def _render(
     cfg: DemoCfg, bundles: Sequence[Path], names: Sequence[str], level: float, warnings: list[str]
 ) -> Path | None:
-    """Render all policies in one scene; where that cannot be, without OpenGL, say so and go on."""
+    """Render the first and the last policy, or those of --bundles, in one scene; say so where OpenGL is missing."""
     from stiction.evaluation.clip import ClipError, record_side_by_side
     from stiction.report.page import COLORS
 
     if not bundles:
         return None
     _say("rendering them side by side")
-    colors = [COLORS[number % len(COLORS)] for number in range(len(bundles))]
+    chosen = range(len(bundles)) if cfg.bundles else sorted({0, len(bundles) - 1})
+    films, called = [bundles[number] for number in chosen], [names[number] for number in chosen]
+    colors = [COLORS[number % len(COLORS)] for number in chosen]
     try:
-        return record_side_by_side(bundles, names, colors, level, COMMANDS[0], cfg.out / "side-by-side.webp")
+        return record_side_by_side(films, called, colors, level, COMMANDS[0], cfg.out / "side-by-side.webp")
     except ClipError as error:
         warnings.append(f"{error}.")
         return None

@@ -50,7 +50,8 @@ def record_side_by_side(
 ) -> Path:
     """Render policies of one robot that start together: one camera that stands still, metre marks; return the path.
 
-    names, colors: of each in the legend, `#rrggbb`; level: fraction of the torque limit [-]. Raises `ClipError`.
+    names, colors: of each in the legend, `#rrggbb`; level: fraction of the torque limit [-]; command: forward alone.
+    Above the scene stand friction, command and the speed that each reached in this walk. Raises `ClipError`.
     """
     robots = (word for each in zip(bundles, names, colors, strict=True) for word in each)
     words = [out, level, command, *robots]
@@ -68,6 +69,8 @@ class Lane:
     color: str
     place: float
     """Along y [m]."""
+    speed: float = 0.0
+    """`mean_speed` of its walk [m/s]."""
 
 
 def write_clip(
@@ -79,25 +82,27 @@ def write_clip(
     size: tuple[int, int] = (WIDTH, HEIGHT),
     lanes: Sequence[Lane] = (),
     metres: range = range(0),
+    title: str = "",
 ) -> None:
     """Write a frame of each moment as an endless WebP, whatever the suffix of `out`; needs OpenGL.
 
     moments: the data of every robot with positions computed, the first with the ground; period: between them [s]; size:
-    of a frame [pixels]; lanes: where robots are told apart; metres: along x, marked on the ground.
+    of the scene [pixels]; lanes: where robots are told apart; metres: along x, marked on the ground; title: above the
+    names of the lanes.
     """
     import mujoco
     from PIL import Image
 
     frames = []
-    with mujoco.Renderer(model, size[1], size[0]) as renderer:
+    with mujoco.Renderer(model, size[1], size[0], font_scale=mujoco.mjtFontScale.mjFONTSCALE_300) as renderer:
         # Without shadows and reflections: where the processor draws, they take most of the time.
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             renderer.scene.flags[flag] = 0
         for datas in moments:
             _fill(renderer, model, datas, camera, [lane.color for lane in lanes])
             _mark(renderer.scene, metres, [lane.place for lane in lanes])
-            frames.append(_captioned(Image.fromarray(renderer.render()), lanes))
-    settings = {"append_images": frames[1:], "duration": round(1000 * period), "loop": 0, "quality": 60, "method": 2}
+            frames.append(_captioned(Image.fromarray(renderer.render()), lanes, title))
+    settings = {"append_images": frames[1:], "duration": round(1000 * period), "loop": 0, "quality": 55, "method": 4}
     frames[0].save(out, format="WEBP", save_all=True, **settings)
 
 
@@ -158,17 +163,27 @@ def _mark(scene: Any, metres: range, lanes: Sequence[float]) -> None:
             geom.label = (f"{metre} m" if metre else "start") if label else ""
 
 
-def _captioned(frame: Any, lanes: Sequence[Lane]) -> Any:
-    """Return a frame with the robots' names in it, farthest lane on top as in the picture."""
-    from PIL import ImageDraw, ImageFont
+def _captioned(scene: Any, lanes: Sequence[Lane], title: str) -> Any:
+    """Return a frame with a title, and the robots' names and speeds, farthest lane on top, above the scene."""
+    from PIL import Image, ImageDraw, ImageFont
 
     if not lanes:
-        return frame
-    pen, font = ImageDraw.Draw(frame), ImageFont.load_default(size=15.0)
-    widest = max(pen.textlength(lane.name, font=font) for lane in lanes)
-    pen.rectangle((0, 0, 14 + widest, 8 + CAPTION * len(lanes)), "white")
-    for number, lane in enumerate(lanes[::-1]):
-        pen.text((7, 5 + CAPTION * number), lane.name, fill=lane.color, font=font)
+        return scene
+    words = [title, *(lane.name for lane in lanes)]
+    size: float = CAPTION
+    while max(ImageFont.load_default(size).getlength(word) for word in words) > 0.72 * scene.width:
+        size *= 0.9
+    font, line = ImageFont.load_default(size), round(1.3 * CAPTION)
+    above = line * len(words) + CAPTION // 2
+    frame = Image.new("RGB", (scene.width, scene.height + above), "white")
+    frame.paste(scene, (0, above))
+    pen = ImageDraw.Draw(frame)
+    pen.text((CAPTION // 2, CAPTION // 4), title, fill=BLACK, font=font)
+    for number, lane in enumerate(lanes[::-1], 1):
+        top = CAPTION // 4 + line * number
+        pen.rectangle((CAPTION // 2, top + 4, CAPTION // 2 + CAPTION, top + 4 + CAPTION), lane.color)
+        pen.text((2 * CAPTION, top), lane.name, fill=BLACK, font=font)
+        pen.text((scene.width - CAPTION // 2, top), f"{lane.speed:.2f} m/s", fill=BLACK, font=font, anchor="ra")
     return frame
 
 
@@ -195,6 +210,12 @@ def walked(bundle: Bundle, level: float, command: Command, seconds: float, law: 
     return np.array(states)
 
 
+def mean_speed(states: np.ndarray, period: float) -> float:
+    """Return the speed along x of a walk after its first `SETTLE` [m/s]; states: `walked`; period: between them [s]."""
+    first = round(SETTLE / period)
+    return float(states[-1, 0] - states[first, 0]) / (period * (len(states) - 1 - first))
+
+
 def compiled(robot: Robot, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
     """Return MuJoCo's model of a robot on flat ground, for frames of a width and height [pixels]."""
     from stiction.robots.mjcf import build
@@ -206,12 +227,15 @@ def compiled(robot: Robot, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
 
 # Policies side by side.
 
-SIZE, CAPTION = (960, 400), 22
-"""Size of a frame, and of a line of its legend [pixels]."""
+SIZE, CAPTION = (960, 340), 34
+"""Size of the scene, and of the text above it [pixels]: 12 px where a telephone shows it 366 px wide."""
 
-FRAMES = 12.5
+BLACK = "#1f2328"
+"""Colour of that text."""
 
-TOGETHER = 7.0
+FRAMES = 10.0
+
+TOGETHER = 8.0
 """Length of the clip [s], from the start."""
 
 TIMEOUT_TOGETHER = 300.0
@@ -234,25 +258,28 @@ def _render_together(out: str, level: str, command: str, *robots: str) -> None:
     """Render in this process; words as `record_side_by_side` writes them."""
     import mujoco
 
+    from stiction.joints.friction import level_text
+
     bundles = [check_for_simulation(path) for path in robots[::3]]
     if len({robot_of(bundle.contract) for bundle in bundles}) > 1:
         raise ConfigurationError("policies of different robots are not shown in one scene")
-    walks = []
+    walks, speeds, asked = [], [], parse_command(command)
     for bundle in bundles:
-        states, period = walked(bundle, float(level), parse_command(command), TOGETHER), bundle.contract.control_period
-        start = states[0, :2].copy()
-        states[:, :2] -= start
+        states, period = walked(bundle, float(level), asked, TOGETHER), bundle.contract.control_period
+        states[:, :2] -= states[0, :2].copy()
+        speeds.append(mean_speed(states, period))
         walks.append(states[: -1 : max(1, round(1 / (FRAMES * period)))])
     middle = (len(walks) - 1) / 2
     lanes = [
-        Lane(name, color, LANE * (number - middle))
-        for number, (name, color) in enumerate(zip(robots[1::3], robots[2::3], strict=True))
+        Lane(name, color, LANE * (number - middle), speed)
+        for number, (name, color, speed) in enumerate(zip(robots[1::3], robots[2::3], speeds, strict=True))
     ]
     metres, model, camera = metres_of(walks), compiled(robot_of(bundles[0].contract), SIZE), mujoco.MjvCamera()
     low, high = metres[0], metres[-1]
-    camera.lookat, camera.azimuth, camera.elevation = [(low + high) / 2, 0.0, 0.1], 90.0, -28.0
-    camera.distance = max(0.62 * (high - low), 1.9 * LANE * len(walks) * 0.62) + 0.8
-    write_clip(model, posed(model, walks, lanes), camera, 1 / FRAMES, Path(out), SIZE, lanes, metres)
+    camera.lookat, camera.azimuth, camera.elevation = [(low + high) / 2, 0.0, 0.1], 90.0, -27.0
+    camera.distance = max(0.47 * (high - low), 1.18 * LANE * len(walks)) + 0.4 * LANE * (len(walks) - 1)
+    title = f"{level_text('coulomb', float(level))} joint friction, commanded {asked.velocity[0]:g} m/s"
+    write_clip(model, posed(model, walks, lanes), camera, 1 / FRAMES, Path(out), SIZE, lanes, metres, title)
 
 
 # At the end of the module: as a program it runs from top to bottom.

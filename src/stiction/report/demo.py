@@ -17,7 +17,6 @@ from stiction.files.method import describe_method
 from stiction.files.results import ResultRow
 from stiction.joints.friction import level_text
 from stiction.report.evaluation import (
-    BAND,
     COMMAND_MAP,
     FILES,
     budget_picture,
@@ -26,7 +25,7 @@ from stiction.report.evaluation import (
     results_table,
     run_blocks,
 )
-from stiction.report.following import command_map, followed_text, pace_text
+from stiction.report.following import command_map, followed_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
 
 RESULTS = (
@@ -83,6 +82,7 @@ def render_demo(
     """
     sections = [Section("What is this about?", tuple(map(paragraph, INTRODUCTION))), *map(_joint_section, joints)]
     lead: Sequence[str] = (NO_POLICY,)
+    opening: tuple[Markup, ...] = ()
     if policies:
         lead = verdict(policies, rows)
         heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
@@ -93,19 +93,17 @@ def render_demo(
         budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), paragraph(COMMAND_MAP), *maps
         sections += [
             Section(heading, _policy_blocks(policies)),
-            Section(
-                f"How they walk with {level_text('coulomb', clips[1])} friction in every joint",
-                _clip_blocks(policies, rows, clips),
-            ),
             Section("How much friction each of them bears", budget),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
             Section("Every number", (results_table(rows), definitions_table(rows))),
             Section("What was run", run_blocks(summary)),
         ]
+        opening = *_film(clips), budget_picture(draw_budget([r for r in rows if r.command == clips[0]]))
     sections.append(Section("Go on from here", (table(["you want to", "command"], NEXT_STEPS),)))
-    return render_page(
-        "Dry friction in robot joints, from a log to a policy", sections, lead, warnings, summary["command"]
-    )
+    return render_page(TITLE, sections, lead, warnings, summary["command"], opening=opening)
+
+
+TITLE = "Dry friction in robot joints, from a log to a policy"
 
 
 NO_POLICY = "A joint was identified. No policy was evaluated."
@@ -134,8 +132,8 @@ METHODS_TEXT = (
 
 BUDGET_TEXT = (
     "Read it from left to right, towards more friction in the joints: every policy gets slower. One that was trained "
-    f"without friction leaves the green band, {BAND} of the command, at its lower edge; one that was trained with much "
-    f"of it may begin above. {DEFINITION}"
+    "without friction leaves the green band at its lower edge; one that was trained with much of it may begin above. "
+    f"{DEFINITION}"
 )
 
 CHECK_TEXT = (
@@ -181,21 +179,18 @@ def verdict(policies: Policies, rows: Sequence[ResultRow]) -> list[str]:
     return [*lines, f"Walked here: {commands}; stiction evaluate walks all fifteen commands."]
 
 
-def _clip_blocks(policies: Policies, rows: Sequence[ResultRow], clips: Clips) -> tuple[Markup, ...]:
-    """Return all policies in one scene, and what each reached."""
+def _film(clips: Clips) -> tuple[Markup, ...]:
+    """Return the film, where it could be rendered."""
     command, level, file = clips
-    ratios = {
-        r.policy: f"{100 * r.speed_ratio:.0f} % of it ({pace_text(r)})"
-        for r in rows
-        if (r.friction_level, r.command) == (level, command) and r.speed_ratio is not None
-    }
-    said = f"commanded {command} m/s, reached"
-    reached = [paragraph(f"{name}: {said} {ratios.get(name, 'an unknown share')}.") for name in policies]
-    return (*([] if file is None else [picture(file_uri(file), SCENE)]), *reached)
+    friction = level_text("coulomb", level)
+    return () if file is None else (picture(file_uri(file), SCENE.format(friction=friction, command=command)),)
 
 
-SCENE = "One start line, one command, one camera that stands still; a line on the ground is a metre. In real time."
-"""What the clip shows."""
+SCENE = (
+    "{friction} of the torque limit as friction in every joint, command {command} m/s, one start line; a line on the "
+    "ground is a metre. In real time."
+)
+"""What the film shows."""
 
 
 def _check_blocks(policies: Policies) -> tuple[Markup, ...]:

@@ -15,7 +15,7 @@ from stiction.engines.catalog import TIMESTEP
 from stiction.evaluation.metrics import WINDOW
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.following import DEFINITION, count_commands
-from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow, tell_slowest_walk, write_results, write_summary
+from stiction.files.results import DIRECTIONS, ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import (
@@ -90,13 +90,16 @@ def _scene_text(scene: Scene) -> str:
 
 
 MOST_PANELS = 4
-"""Commands that the figure shows side by side."""
+"""Commands that the figure shows."""
+
+LONGEST_END = 24
+"""Letters of a name that stands at the end of its line too; a longer one takes the room of the lines."""
 
 
 def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), methods: Mapping[str, str] = {}) -> Figure:
     """Return the friction budget: speed ratio over friction level, a line for each policy or training method.
 
-    A column of panels for each command; a row for each scene, and for each law there: their levels have other units.
+    A panel for each command, two side by side, for each scene and law there: levels of two laws have other units.
     samples: the training methods over their seeds; methods: policy -> its method. Of one with several seeds there is
     their mean with its interval and every seed; of any other a line for each policy.
     """
@@ -106,7 +109,9 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
     if len(columns) > MOST_PANELS:
         # The map of commands has the others.
         columns = [command for command in columns if command in DIRECTIONS] or columns[:MOST_PANELS]
-    width, height = max(1, len(columns)), max(1, len(lines))
+    width = min(2, max(1, len(columns)))
+    columns += [""] * (-len(columns) % width)
+    height = max(1, len(lines) * len(columns) // width)
     figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
     speeds = [sample for sample in samples if sample.column == "speed_ratio"]
     several = {sample.method for sample in speeds if sample.low is not None}
@@ -137,7 +142,7 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
             axis.set_ylabel("speed reached / commanded")
         # Before the names at the ends of lines, which are placed by the final scale.
         same_scale([axis for axis in axes if axis.get_visible()])
-        for axis in axes[width - 1 :: width]:
+        for axis in axes[width - 1 :: width] if max(map(len, names)) <= LONGEST_END else ():
             label_ends(axis)
         # Under the panels: within, names of thirty letters lie on lines.
         legend(figure, labelled(axes[0]), loc="outside lower center", ncols=min(2, width))
@@ -241,12 +246,6 @@ OVER_SEEDS = (
     "A training method with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
     "band its 95 % t-interval; circles on a line: one policy, its mean over episodes."
 )
-BAND = f"{100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} %"
-"""Share of the command that counts as reached."""
-
-GREEN = f"The green band is {BAND} of the commanded speed; below zero is the wrong way."
-"""Explanation of the figure."""
-
 COMMAND_MAP = "Reached share of each commanded axis, mean over walks; behind it what is wrong where it is not followed."
 """Explanation of the map of commands."""
 
@@ -361,8 +360,7 @@ def _paces(seeds: Sequence[str]) -> str:
 def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
     """Return the friction budget as a block; figure: as `draw_budget` drew it with these samples."""
     seeds = any(sample.low is not None for sample in samples)
-    caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {GREEN}"
-    return figure_block(figure, caption)
+    return figure_block(figure, f"{OVER_SEEDS if seeds else 'Mean over episodes.'} Below zero is the wrong way.")
 
 
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:

@@ -15,6 +15,7 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
+    labelled,
     legend,
     new_figure,
     paragraph,
@@ -36,7 +37,7 @@ def draw_motion(design: ExcitationDesign, signals: DesignSignals) -> Markup:
     shown = shown[:: max(1, len(shown) // MOST_POINTS)]
     time = signals.time[shown]
     limits = design.limits
-    figure, axes = new_figure(3, 1, (8.0, 6.4))
+    figure, axes = new_figure(3, 1, (9.0, 4.4))
     rows = (
         ("position", "angle [rad]", (limits["low"], limits["high"])),
         ("velocity", "speed [rad/s]", (-limits["speed"], limits["speed"])),
@@ -52,14 +53,14 @@ def draw_motion(design: ExcitationDesign, signals: DesignSignals) -> Markup:
         for bound in bounds:
             # A torque limit far outside would press the curves into a line.
             if name != "torque" or abs(bound) < 4 * span:
-                axis.axhline(bound, color=COLORS[1], linewidth=1.0, linestyle="--")
+                axis.axhline(bound, color=COLORS[1], linewidth=1.0, linestyle="--", label="limit")
         axis.set_ylabel(label)
     axes[-1].set_xlabel("time [s]")
-    legend(axes[0])
+    legend(figure, labelled(axes[0]), loc="outside upper center", ncols=4)
     return figure_block(
         figure,
         f"One of {design.repeats} equal patterns: a slow swing, whose torque is nearly all dry friction, and a fast "
-        "part, which brings speed and acceleration. Dashed: the limits, a torque limit that is far outside left out.",
+        "part, which brings speed and acceleration. A torque limit that is far outside is left out.",
     )
 
 
@@ -119,7 +120,6 @@ def write_excitation_page(folder: Path) -> Path:
     signals = read_signals(folder / "design.npz")
     sections = [
         Section("How to run it", run_blocks(design)),
-        Section("The motion, and its limits", (draw_motion(design, signals),)),
         Section(
             "What the log will tell", (row_table(design.predicted, PREDICTED), _assumptions(design), paragraph(WHITE))
         ),
@@ -127,8 +127,8 @@ def write_excitation_page(folder: Path) -> Path:
         Section("Why these gains", (draw_sweep(design), paragraph(GAINS), row_table(design.trials, TRIALS))),
     ]
     page = folder / "report.html"
-    title = f"Excitation of joint {design.joint}"
-    write_text(page, render_page(title, sections, lead(design), design.warnings, design.command))
+    title, drawn = f"Excitation of joint {design.joint}", draw_motion(design, signals)
+    write_text(page, render_page(title, sections, lead(design), design.warnings, design.command, figure=drawn))
     return page
 
 

@@ -97,10 +97,14 @@ def result_cells(row: ResultRow) -> dict[str, str]:
     }
 
 
+BAND = f"{100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} %"
+"""Share of the command that counts as reached."""
+
+
 def shade_following(axis: Axes, along: Literal["x", "y"] = "y") -> None:
     """Shade the speeds over the commanded one that count as following. along: the axis that they are on."""
     span = axis.axhspan if along == "y" else axis.axvspan
-    span(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+    span(*FOLLOWS, color=COLORS[2], alpha=0.18, linewidth=0, label=f"follows: {BAND} of the command")
 
 
 def friction_text(law: str, level: float) -> str:

@@ -32,8 +32,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-INK = "#7d8590"
-"""Grey that reads on white and on near-black: axes and labels of the figures, whose background is transparent."""
+INK = "#59636e"
+"""Colour of every text of a figure, 6.1:1 on white; on a page it is the page's `--soft`, which follows the scheme."""
+
+TEXT = 9.0
+"""Size of text in a figure [pt]: 12 px on a page, where a figure has its natural width."""
+
+WIDEST = 9.8
+"""Width of a figure that a page shows whole in a window of 1280 px [in]."""
+
+MOST_POINTS = 2000
+"""Points of a line or cloud that a page draws one by one; more of them are a picture within the figure."""
 
 COLORS = ("#2667a6", "#ff660d", "#0fa766", "#b47090", "#766324", "#813ee2")
 """Line colours that read on both backgrounds, and are apart to colour-blind eyes too: a test simulates them."""
@@ -108,7 +117,7 @@ def _is_word(cell: str) -> bool:
 
 
 def picture(uri: str, caption: str = "", white: bool = False) -> Markup:
-    """Return an image from a data URI (`figure_uri`, `file_uri`); the caption is also its alternative text.
+    """Return an image from a data URI (`file_uri`); the caption is also its alternative text.
 
     white: a figure that `save_figure` drew on white: where the page is dark, its lightness is turned around.
     """
@@ -188,11 +197,10 @@ def new_figure(
     for axis in axes:
         axis.set_facecolor("none")
         axis.set_prop_cycle(color=COLORS)
-        axis.tick_params(colors=INK, labelsize=8)
+        axis.tick_params(colors=INK, labelsize=TEXT)
         axis.grid(True, color=INK, alpha=0.22, linewidth=0.6)
-        axis.xaxis.label.set(color=INK, fontsize=9)
-        axis.yaxis.label.set(color=INK, fontsize=9)
-        axis.title.set(color=INK, fontsize=10)
+        for text in (axis.xaxis.label, axis.yaxis.label, axis.title):
+            text.set(color=INK, fontsize=TEXT)
         for spine in axis.spines.values():
             spine.set_edgecolor(INK)
     return figure, axes
@@ -224,30 +232,33 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
     if not found:
         return
     # As long as two periods of the longest of `STYLES` in a thick line: shorter samples look alike.
-    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
+    look: dict[str, Any] = {"fontsize": TEXT, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
     axis.legend(list(found.values()), list(found), **look)
 
 
 def name_plainly(figure: Figure) -> Figure:
-    """Make no text of a figure do anything, and return the figure: names come from files, and `$` is no formula.
-
-    Numbers of a logarithmic axis stay formulas: matplotlib writes them itself.
+    """Make no text of a figure do anything nor be under `TEXT`, and return the figure: names come from files, and `$`
+    is no formula. Numbers of a logarithmic axis are `0.01`: the exponent of 10⁻² is smaller.
     """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
-    own = {
-        id(text)
-        for axes in figure.axes
-        for axis in (axes.xaxis, axes.yaxis)
-        for minor in (False, True)
-        if isinstance(axis.get_minor_formatter() if minor else axis.get_major_formatter(), LogFormatter)
-        for text in axis.get_ticklabels(minor=minor)
-    }
+    class Plain(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return f"{x:g}" if super().__call__(x, pos) else ""
+
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        for formatter, put in (
+            (axis.get_major_formatter(), axis.set_major_formatter),
+            (axis.get_minor_formatter(), axis.set_minor_formatter),
+        ):
+            if isinstance(formatter, LogFormatter):
+                put(Plain(10.0, formatter.labelOnlyBase, formatter.minor_thresholds))
     for text in figure.findobj(Text):
         text.set_text(escaped(text.get_text()))
         text.set_usetex(False)
-        text.set_parse_math(id(text) in own)
+        text.set_parse_math(False)
+        text.set_fontsize(max(text.get_fontsize(), TEXT))
     return figure
 
 
@@ -265,30 +276,63 @@ def finished(figure: Figure) -> Figure:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure, of the kind that its file's name says, on white. Raises `FileError` as `publish`."""
+    buffer = io.BytesIO()
+    finished(figure).savefig(buffer, format=path.suffix[1:], dpi=DPI, facecolor="white")
+    data = buffer.getvalue()
     with publish(path) as partial:
-        finished(figure).savefig(partial, format=path.suffix[1:], dpi=DPI, facecolor="white")
+        partial.write_bytes(paletted(data) if path.suffix == ".png" else data)
 
 
-def figure_uri(figure: Figure) -> str:
-    """Return a figure as a PNG `data:` URI with a transparent background."""
-    buffer = io.BytesIO()
-    finished(figure).savefig(buffer, format="png", dpi=DPI, transparent=True)
-    return data_uri(buffer.getvalue(), "image/png")
-
-
-def svg_uri(figure: Figure) -> str:
-    """Return a figure as an SVG `data:` URI with a transparent background; its texts are in the reader's own font."""
-    from matplotlib import rc_context
+def paletted(png: bytes) -> bytes:
+    """Return a PNG file of 64 colours: a figure has a handful and their edges, and is a third of the size."""
+    from PIL import Image
 
     buffer = io.BytesIO()
-    with rc_context({"svg.fonttype": "none"}):
-        finished(figure).savefig(buffer, format="svg", transparent=True)
-    return data_uri(buffer.getvalue(), "image/svg+xml")
+    few = Image.open(io.BytesIO(png)).convert("RGB").quantize(64, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    few.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def figure_svg(figure: Figure) -> str:
+    """Return a figure as an SVG element for a page: its text is text, in the page's font and colour.
+
+    Lines and clouds of more than `MOST_POINTS` are pictures within it.
+    """
+    import matplotlib
+    from matplotlib.collections import PathCollection
+    from matplotlib.lines import Line2D
+
+    for line in figure.findobj(Line2D):
+        line.set_rasterized(len(line.get_xdata()) > MOST_POINTS)  # type: ignore[arg-type]
+    for cloud in figure.findobj(PathCollection):
+        cloud.set_rasterized(len(cloud.get_offsets()) > MOST_POINTS)  # type: ignore[arg-type]
+    buffer = io.BytesIO()
+    # Names of shapes from their content alone: equal figures are equal texts, and two on a page share what is equal.
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiction"}):
+        finished(figure).savefig(buffer, format="svg", dpi=DPI, transparent=True, metadata={"Date": None})
+    text = buffer.getvalue().decode("utf-8")
+    for pattern, by in UNUSED.items():
+        text = re.sub(pattern, by, text, flags=re.DOTALL)
+    return text
+
+
+UNUSED = {
+    r"^.*?(?=<svg)": "",
+    r"<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>": "",
+    r"<!--.*?-->": "",
+    r' xmlns(:xlink)?="[^"]*"': "",
+    r'<g id="\w+?">': "<g>",
+    r"\n\s*": "\n",
+    r"[\x00-\x09\x0b-\x1f\x7f]": "\ufffd",
+    "'DejaVu Sans'[^;\"]*": "inherit",
+    f"(?<=: ){INK}": "var(--soft)",
+}
+"""What matplotlib writes into an SVG file and a page has no use for -> what stands there instead."""
 
 
 def figure_block(figure: Figure, caption: str) -> Markup:
-    """Return a figure as a block of a page."""
-    return picture(figure_uri(figure), caption)
+    """Return a figure as a block of a page; the caption is also its name to who cannot see it."""
+    return _block("drawing", Markup(figure_svg(figure)), caption, caption.replace("`", ""))
 
 
 FEWEST_LISTED = 3
@@ -309,11 +353,15 @@ def render_page(
     command: str = "",
     date: str = "",
     refresh: float = 0.0,
+    opening: Sequence[Markup] = (),
+    figure: Markup | None = None,
 ) -> str:
     """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
 
     lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
-    date: of the page, by default today; refresh: time after which a browser loads the page anew [s], 0: never.
+    date: of the page, by default today; refresh: time after which a browser loads the page anew [s], 0: never; opening:
+    blocks above the answer, side by side; in a narrow window all but the first come below it; figure: that shows the
+    answer, below it.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
     shown = 1 if len(warnings) > MOST_WARNINGS else len(warnings)
@@ -328,6 +376,8 @@ def render_page(
             anchors=anchors([section.title for section in sections]),
             listed=len(sections) >= FEWEST_LISTED,
             made=drawn + (f"; what it shows was made by `{short}`." if command else "."),
+            opening=opening,
+            figure=figure,
             lead=[line for line in lines if line],
             warnings=warnings[:shown],
             more=warnings[shown:],
@@ -371,21 +421,24 @@ def mark_look(name: str, names: Sequence[str]) -> str:
     return MARKS[list(names).index(name) % len(MARKS)]
 
 
-CLOSEST = 0.055
+CLOSEST = 0.065
 """Least distance of two names at the ends of lines, over the height of their axis."""
 
 
 def label_ends(axis: Axes) -> None:
-    """Write the name of every line at its right end, beside the axis, so that nobody has to look for its colour."""
+    """Write the name of every line at its right end, beside the axis, joined to it by a stroke in its colour."""
     named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
     heights = {index: np.asarray(line.get_ydata(), dtype=float) for index, line in enumerate(named)}
     low, high = axis.get_ylim()
     ends = sorted((float(values[-1]), index) for index, values in heights.items() if values.size)
     places = spaced([(value - low) / (high - low) for value, _ in ends], CLOSEST)
-    for (_, index), place in zip(ends, places, strict=True):
-        look: dict[str, Any] = {"color": named[index].get_color(), "va": "center", "annotation_clip": False}
+    for (value, index), place in zip(ends, places, strict=True):
+        end = min(max((value - low) / (high - low), 0.0), 1.0)
+        look: dict[str, Any] = {"color": named[index].get_color(), "clip_on": False, "label": "_nolegend_"}
+        axis.plot([1.0, 1.015], [end, place], transform=axis.transAxes, linewidth=1.2, **look)
         text = str(named[index].get_label())
-        axis.annotate(text, (1.0, place), (1.015, place), "axes fraction", fontsize=7.5, **look)
+        look = {"color": INK, "va": "center", "annotation_clip": False, "fontsize": TEXT}
+        axis.annotate(text, (1.0, place), (1.02, place), "axes fraction", **look)
 
 
 def spaced(places: Sequence[float], least: float) -> list[float]:

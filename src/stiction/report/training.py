@@ -25,6 +25,7 @@ from stiction.report.page import (
     figure_block,
     file_uri,
     fold,
+    labelled,
     legend,
     new_figure,
     paragraph,
@@ -32,7 +33,6 @@ from stiction.report.page import (
     render_page,
     save_figure,
     settings_table,
-    svg_uri,
     table,
 )
 
@@ -154,7 +154,7 @@ def training_page(run: Path, lines: Sequence[str], panels: int = len(PANELS), re
     sections = []
     if rows:
         note = "Figures of the noisy, pushed and randomised training, not of an evaluation."
-        sections.append(Section("Curves", (picture(svg_uri(_curves(rows, panels)), note),)))
+        sections.append(Section("Curves", (figure_block(_curves(rows, panels), note),)))
     if clip := max((run / "clips").glob("*.webp"), key=lambda path: path.stat().st_mtime, default=None):
         phase, _, iteration = clip.stem.rpartition("_")
         # The only phase of a training has no name.
@@ -188,8 +188,8 @@ def write_actuator_page(folder: Path) -> Path:
     summary = read_object(folder / "summary.json", "that of train-actuator; run it again")
     page = folder / "report.html"
     caption = f"The end of {next(iter(net.validation))}, which was kept out of the fit; first joint of each group."
+    drawn = figure_block(_torques(net, fit), caption)
     sections = [
-        Section("Torque, predicted and measured", (figure_block(_torques(net, fit), caption),)),
         Section("Error by joint", (paragraph(BASELINE), joint_table(summary))),
         Section("Error by command", (command_table(summary),)),
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
@@ -202,7 +202,7 @@ def write_actuator_page(folder: Path) -> Path:
             ),
         ),
     ]
-    write_text(page, render_page("Actuator Net", sections, lead(summary), command=net.command))
+    write_text(page, render_page("Actuator Net", sections, lead(summary), command=net.command, figure=drawn))
     return page
 
 
@@ -266,7 +266,7 @@ def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Markup:
 
 def _torques(net: ActuatorNet, fit: ActuatorFit) -> Figure:
     """Draw measured, net and law for one joint of each group."""
-    figure, axes = new_figure(len(net.groups), 1, size=(9.0, 2.0 * len(net.groups) + 0.6))
+    figure, axes = new_figure(len(net.groups), 1, size=(9.0, 1.3 * len(net.groups) + 0.8))
     for axis, group in zip(axes, net.groups, strict=True):
         column = net.joint_names.index(group[0])
         for name, style in (("measured", "-"), ("net", "--"), ("baseline", ":")):
@@ -274,7 +274,7 @@ def _torques(net: ActuatorNet, fit: ActuatorFit) -> Figure:
             axis.plot(fit.time, getattr(fit, name)[:, column], style, linewidth=1.1, label=label)
         axis.set_ylabel(f"{group[0]} [N m]")
     axes[-1].set_xlabel("time [s]")
-    legend(axes[0])
+    legend(figure, labelled(axes[0]), loc="outside upper center", ncols=3)
     return figure
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
@@ -27,6 +27,7 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
+    labelled,
     legend,
     new_figure,
     paragraph,
@@ -54,13 +55,12 @@ def write_walking_page(folder: Path, command: str = "") -> Path:
     fit = read_walk_fit(folder / "fit.npz")
     sections = [
         Section("What was found", (table(["", *VALUE_COLUMNS], value_rows(joints), VALUE_CAPTION), _condition(joints))),
-        Section("Friction against speed, legs in swing", (_clouds(joints, fit),)),
         Section("Friction under load, robot in stance", _load(joints, fit)),
         Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
     ]
     page = folder / "report.html"
     title, warnings = "Joint friction from a walk", grouped_warnings(joints)
-    text = render_page(title, sections, lead_lines(joints, folder), warnings, command)
+    text = render_page(title, sections, lead_lines(joints, folder), warnings, command, figure=_clouds(joints, fit))
     write_text(page, text)
     return page
 
@@ -105,7 +105,8 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             speed, torque = fit.swing[name]
             color = COLORS[number % len(COLORS)]
             thin = slice(None, None, max(1, len(speed) * len(names) // MOST_POINTS))
-            axis.plot(speed[thin], torque[thin], ".", markersize=2, alpha=0.3, color=color)
+            look: dict[str, Any] = {"markersize": 2, "alpha": 0.3, "color": color, "label": "sample in swing"}
+            axis.plot(speed[thin], torque[thin], ".", **look)
             _draw_law(axis, joints.joints[name], speed, color, name)
         axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
@@ -114,8 +115,8 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     return figure_block(
         figure,
-        "Each dot is a sample of a leg in swing, the torque of links and rotor taken off. The step at zero speed is "
-        "twice the dry friction, the slope is the viscous friction.",
+        "Legs in swing: torque less that of links and rotor against speed. The step at zero speed is twice the dry "
+        "friction, the slope is the viscous friction.",
     )
 
 
@@ -151,19 +152,20 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
     figure, axes = _panels(len(fit.load), "friction [N]")
     for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
         thin = slice(None, None, max(1, len(load) // MOST_POINTS))
-        axis.plot(load[thin], friction[thin], ".", markersize=2.5, alpha=0.4, color=COLORS[0])
+        axis.plot(load[thin], friction[thin], ".", markersize=2.5, alpha=0.4, color=COLORS[0], label="sample")
         owners = (record.load_coefficient for name, record in joints.joints.items() if _kind(name, record) == kind)
         coefficient = next((estimate for estimate in owners if estimate is not None), None)
         if coefficient is not None:
             ends = np.array([load.min(), load.max()])
-            axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2)
+            axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2, label="load coefficient")
             for bound in coefficient.interval95:
-                axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1)
-        axis.set_title(f"{kind}: {span(coefficient)}", fontsize=8)
+                axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1, label="its 95 % interval")
+        legend(axis)
+        axis.set_title(f"{kind}: {span(coefficient)}")
         axis.set_xlabel("load [N]")
     caption = (
-        "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
-        "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."
+        "The body's force and moment balance in stance, everything but the friction that grows with torque taken off. "
+        "Samples that do not follow the line are noise."
     )
     return (*blocks, figure_block(figure, caption))
 
@@ -174,11 +176,13 @@ def _gait(fit: WalkFit) -> Markup:
     feet = list(fit.gait)
     for number, foot in enumerate(feet):
         down = fit.gait[foot].astype(bool)
-        axis.fill_between(fit.gait_time, number - 0.35, number + 0.35, where=down, color=COLORS[0], step="post")
+        look: dict[str, Any] = {"color": COLORS[0], "label": "the foot bears load"}
+        axis.fill_between(fit.gait_time, number - 0.35, number + 0.35, where=down, step="post", **look)
+    legend(figure, labelled(axis), loc="outside upper right")
     axis.set_yticks(range(len(feet)), [foot.removesuffix("_foot") for foot in feet])
     axis.invert_yaxis()
     axis.set_xlabel("time [s]")
-    return figure_block(figure, "Bars: the foot bears load. The gaps between them are the swings that were used.")
+    return figure_block(figure, "The gaps between the bars are the swings that were used.")
 
 
 def _diagnostics(joints: JointsFile) -> Markup:

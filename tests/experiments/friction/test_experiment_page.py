@@ -112,7 +112,7 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
     assert {v["id"] for v in summary["verdicts"]} == {v.id for v in found.verdicts}
     for name in ("budget", "learning"):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG"), name
-    assert page.count("data:image/png") == 2 and not re.search(r'(src|href)="http', page)
+    assert page.count('class="drawing"') == 2 and not re.search(r'(src|href)="http', page)
     assert (out / "tables.md").read_text().startswith("**The paper's sentences**")
 
 
