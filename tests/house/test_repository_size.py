@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -19,6 +20,9 @@ FILE = 700_000
 
 LARGER = {"results/adaptation/summary.json", "results/replication/summary.json"}
 """Files that are larger, until they are made anew or go."""
+
+PICTURES = 2_000_000
+"""Largest size of all pictures and films together [B]."""
 
 SHIPPED = "src/stiction/policies/"
 
@@ -39,6 +43,12 @@ def test_the_tree_and_its_files_are_small(sizes: dict[str, int]) -> None:
     assert sum(sizes.values()) <= TREE
     large = {name for name, size in sizes.items() if size > FILE and not name.startswith(SHIPPED)}
     assert large == LARGER
+
+
+def test_pictures_are_small(sizes: dict[str, int]) -> None:
+    """Holds what a clone and a reader load; a clip replaces another, or is made smaller."""
+    shown = {name: size for name, size in sizes.items() if re.search(r"\.(png|jpe?g|webp|svg|gif|mp4|webm)$", name)}
+    assert sum(shown.values()) <= PICTURES, sorted(shown, key=shown.__getitem__)[-5:]
 
 
 def test_results_are_text_figures_and_networks(sizes: dict[str, int]) -> None:
