@@ -282,6 +282,30 @@ def extras() -> str:
     )
 
 
+def supervisor() -> str:
+    """Return the processes of a run on a robot, and what passes between them."""
+    parts = [
+        box(12, 60, 110, 56, ["robot"], ORANGE),
+        box(310, 60, 130, 56, ["supervisor", "alone moves the robot"]),
+        box(570, 16, 120, 48, ["policy"]),
+        box(570, 112, 120, 48, ["logger"]),
+        box(310, 170, 130, 48, ["watchdog", "damps when no beat comes"]),
+        arrow([(310, 74), (122, 74)], "commands"),
+        arrow([(122, 102), (310, 102)], "states"),
+        arrow([(440, 70), (505, 70), (505, 32), (570, 32)]),
+        text(540, 26, "sensors", GREEN, 11),
+        arrow([(570, 54), (520, 54), (520, 88), (440, 88)]),
+        text(545, 68, "targets", GREEN, 11),
+        arrow([(440, 106), (505, 106), (505, 136), (570, 136)]),
+        text(540, 130, "rows", GREEN, 11),
+        arrow([(375, 116), (375, 170)]),
+        text(382, 148, "beat", GREEN, 11, "start"),
+        arrow([(310, 194), (67, 194), (67, 116)]),
+        text(190, 188, "damping", GREEN, 11),
+    ]
+    return picture(702, 230, parts, "supervisor, policy, logger and watchdog")
+
+
 CHAINS: dict[str, Callable[[], str]] = {
     "bring-up": lambda: chain(
         "from the bundle to the floor",
@@ -335,6 +359,7 @@ FIGURES: dict[str, Callable[[], str]] = {
     "rooms": rooms,
     "ablation": ablation,
     "extras": extras,
+    "supervisor": supervisor,
     **CHAINS,
 }
 """Name of a file -> what draws it."""
