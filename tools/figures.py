@@ -289,7 +289,7 @@ def supervisor() -> str:
         box(310, 60, 130, 56, ["supervisor", "alone moves the robot"]),
         box(570, 16, 120, 48, ["policy"]),
         box(570, 112, 120, 48, ["logger"]),
-        box(310, 170, 130, 48, ["watchdog", "damps when no beat comes"]),
+        box(310, 170, 130, 48, ["watchdog", "damps without a beat"]),
         arrow([(310, 74), (122, 74)], "commands"),
         arrow([(122, 102), (310, 102)], "states"),
         arrow([(440, 70), (505, 70), (505, 32), (570, 32)]),
