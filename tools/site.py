@@ -1,13 +1,16 @@
 """What MkDocs is told of this repository, as a hook: `make docs`.
 
 The site has the documents where they are in the repository, so that a link leads to the same place there and here:
-what mkdocs.yml names, every page of docs/, and every file that one of them links to, whatever it is. A link to a folder
-becomes text. Formulas are drawn as SVG when the site is built, so that no page loads a program to show them.
+what mkdocs.yml names, every page of docs/, and every file that one of them links to, whatever it is. docs/index.md is
+the front page of the site, README that of the repository. A link to a folder becomes text. The footer names the
+version; search leaves out the pages of `extra.unsearched`. Formulas are drawn as SVG when the site is built, so that no
+page loads a program to show them.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,9 @@ MATH = re.compile(r"^```math\n(.*?)\n```$", re.MULTILINE | re.DOTALL)
 
 LARGEST = 8_000_000
 """Bytes of a file that comes along because a page links to it."""
+
+PLACES = {"docs/index.md": "index.html", "README.md": "readme/index.html"}
+"""Page -> its place in the site, where that is not its place in the repository."""
 
 
 def linked_files(page: Path) -> list[Path]:
@@ -68,7 +74,9 @@ def formula(source: str) -> str:
 
 
 def on_config(config: Any) -> Any:
-    """Put pages of docs/ that the navigation does not name at its end: a new page is never out of reach."""
+    """Name the version in the footer, and put pages of docs/ that the navigation lacks at its end."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    config.copyright = f"stiction {project['version']}, {project['license']}"
     named = set(re.findall(r"[\w./-]+\.md", str(config.nav)))
     others = [page for page in sorted(ROOT.glob("docs/*.md")) if page.relative_to(ROOT).as_posix() not in named]
     if others:
@@ -85,13 +93,17 @@ def on_files(files: Any, config: Any) -> Any:
     named = [ROOT / name for name in re.findall(r"[\w./-]+\.md", str(config.nav))]
     start = [*(page for page in named if page.is_file()), *sorted(ROOT.glob("docs/*.css"))]
     for path in site_files(list(dict.fromkeys(start))):
-        files.append(File.generated(config, path.relative_to(ROOT).as_posix(), abs_src_path=str(path)))
+        file = File.generated(config, path.relative_to(ROOT).as_posix(), abs_src_path=str(path))
+        file.dest_uri = PLACES.get(file.src_uri, file.dest_uri)
+        files.append(file)
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     """Draw formulas, and make text of links to folders and to files that are too large for the site."""
     here = Path(page.file.abs_src_path).parent
+    if page.file.src_uri in config.extra["unsearched"]:
+        page.meta["search"] = {"exclude": True}
 
     def kept(link: re.Match[str]) -> str:
         target = here / link[3]

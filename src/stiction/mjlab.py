@@ -1,6 +1,6 @@
 """Dry friction for people who train in mjlab: `from stiction.mjlab import with_joints, friction_events`.
 
-Three lines in a training script; docs/mjlab.md goes from an empty folder to an answer.
+Three lines in a training script; docs/trainers.md goes from a log to an answer.
 """
 
 from stiction.core.errors import ConfigurationError

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -94,17 +95,43 @@ def test_a_stranger_types_what_the_front_page_says() -> None:
     }
 
 
-def test_the_workflow_pins_what_it_runs_and_asks_for_little() -> None:
+FLOWS = {path.stem: yaml.safe_load(path.read_text()) for path in (CHECKOUT / ".github/workflows").glob("*.yml")}
+
+
+@pytest.mark.parametrize(
+    ("name", "rights", "made"),
+    [
+        (
+            "release",
+            {"build": {"contents": "read"}, "publish": {"id-token": "write"}},
+            "check test-mjlab test docs dist",
+        ),
+        ("pages", {"build": {"contents": "read"}, "deploy": {"pages": "write", "id-token": "write"}}, "docs"),
+        ("ci", {"test": {"contents": "read"}, "site": {"contents": "read"}}, "check test docs"),
+    ],
+)
+def test_a_workflow_pins_what_it_runs_and_asks_for_little(name: str, rights: dict, made: str) -> None:
     """A tag of somebody else's action can be moved; a token that is not needed can be stolen."""
-    flow = yaml.safe_load((CHECKOUT / ".github/workflows/release.yml").read_text())
+    flow = FLOWS[name]
     steps = [step for job in flow["jobs"].values() for step in job["steps"]]
     used = [step["uses"] for step in steps if "uses" in step]
     assert used and all(re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name) for name in used), used
-    assert flow["permissions"] == {} and flow["jobs"]["publish"]["permissions"] == {"id-token": "write"}
-    assert flow["jobs"]["publish"]["needs"] == "build" and "password" not in str(flow)
+    assert flow["permissions"] == {} and {job: flow["jobs"][job]["permissions"] for job in flow["jobs"]} == rights
+    assert "password" not in str(flow) and "secrets" not in str(flow)
+    assert not [job for job, given in rights.items() if "write" in str(given) and flow["jobs"][job]["needs"] != "build"]
     rules = re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(), re.MULTILINE)
-    asked = [word for step in steps for line in re.findall(r"make (.*)", step.get("run", "")) for word in line.split()]
-    assert set(asked) == {"check", "test-mjlab", "test", "docs", "dist"} <= set(rules)
+    lines = [line for step in steps for line in re.findall(r"make ((?:[a-z-]+ ?)+)", step.get("run", ""))]
+    assert {word for line in lines for word in line.split()} == set(made.split()) <= set(rules)
+
+
+def test_pull_requests_are_tried_on_every_system_and_python_that_is_meant() -> None:
+    """A version that pyproject.toml names, and nobody tries, is a promise without a test."""
+    matrix = FLOWS["ci"]["jobs"]["test"]["strategy"]["matrix"]
+    classes = " ".join(tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["classifiers"])
+    assert matrix["python"] == re.findall(r"Python :: (3\.\d+)", classes)
+    assert {name.partition("-")[0] for name in matrix["os"]} == {"ubuntu", "macos"} and "MacOS" in classes
+    # YAML 1.1 reads `on` as true.
+    assert "pull_request" in FLOWS["ci"][True] and len(FLOWS) == 3
 
 
 class Loaded(HTMLParser):

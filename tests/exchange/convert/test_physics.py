@@ -72,7 +72,7 @@ def test_the_headline_names_a_page_and_what_all_records_lack_once() -> None:
     line = headline(joints)
     assert "armature (all 12), static_friction (servo_0, servo_1), stribeck_velocity (servo_0" in line
     (page,) = re.findall(r'the page "(.*)" of the documentation$', line)
-    assert f"# {page}" in (DOCS / "which-value-goes-where.md").read_text().splitlines() and len(line) < 240
+    assert f"# {page}" in (DOCS / "trainers.md").read_text().splitlines() and len(line) < 240
     legs = [joint_physics("shank", motor(test_condition="loaded"), leg) for leg in ("FL", "FR")]
     assert "armature (shank);" in headline(legs)
 

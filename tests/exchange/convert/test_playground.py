@@ -16,7 +16,7 @@ from stiction.exchange.randomization import recipe_of
 from stiction.exchange.targets import TARGETS, ConvertOptions, convert
 from stiction.files.joints import JointsFile
 
-PAGE = Path(__file__).parents[3] / "docs/playground.md"
+PAGE = Path(__file__).parents[3] / "docs/trainers.md"
 MODEL = """<mujoco><option timestep="0.004" iterations="1" ls_iterations="5" gravity="0 0 0"/><worldbody>
 <body><joint name="hip" axis="0 1 0" frictionloss="0.3" damping="0.5"/><geom size=".1" pos=".2 0 0" mass="1"
 contype="0"/></body>

@@ -24,7 +24,7 @@ from stiction.learning.actuator_script import actuator_files
 
 NAMES: dict[str, dict[str, dict[str, Any]]] = json.loads(Path(__file__).with_name("trainer_names.json").read_text())
 VERSIONS = [(trainer, version) for trainer, versions in NAMES.items() for version in versions]
-PAGE = Path(__file__).parents[3] / "docs/isaaclab.md"
+PAGE = Path(__file__).parents[3] / "docs/trainers.md"
 LIBRARIES = {"torch", "numpy", "re", "math", "pathlib"}
 PLAIN = {"get", "values", "items", "unbind"}
 """Attributes of Python's containers and of tensors."""
@@ -45,7 +45,7 @@ def texts(trainer: str) -> list[str]:
     written += [write(recipe_of(TRAINING, {"hip": 20.0}), one).text for one in options]
     if to == "isaaclab":
         written.append(actuator_files(pd_net("go1", torque_source="output_side"), "isaaclab")["actuators.py"].decode())
-        written += [block.text for block in blocks_of(PAGE) if block.language == "python"]
+        written += [block.text for block in blocks_of(PAGE) if block.reason == "needs Isaac Lab"]
     return written
 
 

@@ -18,7 +18,7 @@ from code_blocks import MADE, blocks_of, files_of
 from stiction.cli.main import main
 from stiction.mjlab import IdentifiedActuatorCfg
 
-PAGE = Path(__file__).parents[3] / "docs/mjlab.md"
+PAGE = Path(__file__).parents[3] / "docs/trainers.md"
 LITTLE = ("--gpu-ids", "None", "--env.scene.num-envs", "4", "--agent.max-iterations", "1")
 
 
