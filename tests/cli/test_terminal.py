@@ -36,7 +36,7 @@ DONE = r"{} +━{{40}} \d:\d\d:\d\d 0:00:00"
 @pytest.mark.parametrize(
     ("command", "bars", "first", "last"),
     [
-        pytest.param(IDENTIFY, [], "Dry friction is ", "page: shank/report.html", id="identify"),
+        pytest.param(IDENTIFY, [], "Friction 0.", "shank/report.html", id="identify"),
         pytest.param(EVALUATE, [DONE.format("mujoco")], "mujoco ", "report: walks/report.html", id="evaluate"),
         pytest.param(
             TRAIN,
