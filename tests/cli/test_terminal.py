@@ -37,7 +37,7 @@ DONE = r"{} +━{{40}} \d:\d\d:\d\d 0:00:00"
     ("command", "bars", "first", "last"),
     [
         pytest.param(IDENTIFY, [], "Friction 0.", "shank/report.html", id="identify"),
-        pytest.param(EVALUATE, [DONE.format("mujoco")], "mujoco ", "report: walks/report.html", id="evaluate"),
+        pytest.param(EVALUATE, [DONE.format("mujoco")], "Follows: ", "walks/report.html", id="evaluate"),
         pytest.param(
             TRAIN,
             ["teacher +━{40} 2/2", "student +━{40} 2/2"],

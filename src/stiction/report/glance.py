@@ -31,11 +31,18 @@ STYLES: dict[str, str] = {
 """Tone -> style of the terminal."""
 
 COMMAND = "stiction "
-"""Begin of a next step that can be copied into a shell."""
+"""Begin of our commands."""
+
+SHELL = (COMMAND, "pip install ", "uv pip install ")
+"""Begins of a next step that can be copied into a shell."""
 
 
 MOST_ERRORS = 3
 """Errors that the terminal shows above a table; without one it shows the first, so that all fits into six lines."""
+
+
+MOST_NOTES = 2
+"""Reservations that the terminal shows."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,7 @@ class Glance:
     """Answer: in capitals but for what follows ` without `, ` at `, ` up to `, a comma or a bracket."""
     tone: Tone
     step: str = ""
-    """Next step: a command, which begins with `COMMAND`, or an instruction."""
+    """Next step: a command, which begins with one of `SHELL`, or an instruction."""
     errors: tuple[str, ...] = ()
     """Errors that change the meaning of the answer, a sentence each; shortened to a line at the terminal."""
     notes: tuple[str, ...] = ()
@@ -61,7 +68,7 @@ class Glance:
     @property
     def is_command(self) -> bool:
         """True if the next step can be copied into a shell."""
-        return self.step.startswith(COMMAND)
+        return self.step.startswith(SHELL)
 
     @property
     def words(self) -> tuple[str, str]:
@@ -89,7 +96,7 @@ def print_glance(console: Console, glance: Glance, *tables: RenderableType) -> N
     for number, text in enumerate(glance.errors[:shown], 1):
         which = f" {number} of {count}" if shown < count else ""
         line(short(f"error{which}: {text}"), style="red")
-    for text in glance.notes:
+    for text in glance.notes if whole else glance.notes[:MOST_NOTES]:
         line(short(f"note: {text}"), style="yellow")
     if glance.is_command:
         line("Next:")
