@@ -94,3 +94,30 @@ def test_matrices_are_joints_by_name() -> None:
     assert list(stiction.from_arrays(time=TIME, position=both, target=both).joints) == ["joint_0", "joint_1"]
     with pytest.raises(stiction.StictionError, match=r"shape \(500, 2\) and names has 1"):
         stiction.from_arrays(time=TIME, position=both, names=["hip"])
+
+
+def test_numbers_of_several_joints_come_in_the_order_of_their_names() -> None:
+    """As vectors beside matrices; `joints` is another word for the names, and one column has a name too."""
+    both = np.column_stack([np.sin(TIME), np.cos(TIME)])
+    given = {"time": TIME, "position": both, "target": both}
+    log = stiction.from_arrays(**given, joints=("hip", "knee"), kp=[20.0, 30.0], kd=np.array([1.0, 2.0]))
+    assert [(log.setup_of(name).kp, log.setup_of(name).kd) for name in log.joints] == [(20.0, 1.0), (30.0, 2.0)]
+    assert list(stiction.from_arrays(time=TIME, position=TIME, target=TIME, names=["hip"]).joints) == ["hip"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"position": np.ones((2, 500)), "names": ["a", "b"]}, r"position has the shape \(2, 500\) .* do: position\.T"),
+        ({"position": np.ones((500, 2)), "target": TIME}, r"target has the shape \(500, 1\) and names has 2"),
+        (
+            {"position": np.ones((500, 2)), "names": ["a", "b"], "kp": [1.0] * 3},
+            r"kp has the shape \(3,\); expected \(2,\)",
+        ),
+        ({"position": np.ones((500, 2, 1))}, r"shape \(500, 2, 1\)"),
+    ],
+)
+def test_columns_that_belong_to_no_joint_are_refused(given: dict, said: str) -> None:
+    """A target without its joint would be a joint more, of which nothing can be known."""
+    with pytest.raises(stiction.StictionError, match=said):
+        stiction.from_arrays(time=TIME, **given)

@@ -9,7 +9,7 @@ import pytest
 
 from bundles import make_bundle, make_contract
 from stiction.cli.main import main
-from stiction.files.bundle import shipped_bundles
+from stiction.files.bundle import find_bundle, shipped_bundles
 from stiction.files.following import scaled_commands
 from stiction.files.results import read_results
 from stiction.robots.catalog import find_robot
@@ -25,9 +25,57 @@ SHIPPED = "saturn_lite-flat-none-0.2"
 def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixture) -> None:
     """A person must see what the word `passed` covers."""
     assert main(["verify", str(bundle)]) == 0
-    out = capsys.readouterr().out
-    assert "every check passed" in out
-    assert "Checksums find accidents, signatures find authors" in " ".join(out.split())
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("Verified: EVERY CHECK PASSED, 5 files, network, ")
+    assert "note: whose it is was not checked: it has no signature, or --expect-digest" in lines
+    assert lines[-3:-1] == ["Next:", f"  stiction evaluate {bundle}"]
+    assert lines[-1] == f"digest {hashlib.sha256((bundle / 'SHA256SUMS').read_bytes()).hexdigest()}"
+
+
+@pytest.mark.parametrize("verb", ["verify", "evaluate", "deploy"])
+def test_a_run_and_a_bare_network_are_told_the_command_that_makes_a_bundle(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, verb: str
+) -> None:
+    """One line with the exact command; a run with its bundle in it is that bundle."""
+    monkeypatch.chdir(tmp_path)
+    run, network = Path("my run"), Path("policy.onnx")
+    run.mkdir()
+    (run / "config.json").write_text("{}")
+    network.write_bytes(b"onnx")
+    for given, said in (
+        (run, "my run: got a training run that was not exported, expected a bundle; do: stiction export 'my run'"),
+        (network, "do: stiction import policy.onnx --robot ROBOT --out policy, then give policy"),
+    ):
+        assert main([verb, str(given)]) == 1
+        captured = capsys.readouterr()
+        assert captured.err.rstrip().endswith(said) and captured.err.count("\n") == 1 and not captured.out
+    shutil.copytree(bundle, run / "bundle")
+    assert find_bundle(run) == run / "bundle"
+    assert main(["verify", str(run)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["evaluate", SHIPPED, "--friction-levels", "20"], "; is 20 % meant? use 0.2"),
+        (["evaluate", SHIPPED, "--engines", "mujoco+all", "--robot-levels", "12.5"], "; is 12.5 % meant? use 0.125"),
+        (["evaluate", SHIPPED, "--friction-levels", "-1"], ""),
+        (["evaluate", SHIPPED, "--friction-levels", "0.9"], ""),
+        (["evaluate", SHIPPED, "--friction-law", "load", "--friction-levels", "20"], ""),
+        (["export", SHIPPED, "--to", "webots", "--friction-level", "20"], "; is 20 % meant? use 0.2"),
+        (["view", SHIPPED, "--friction-level", "20"], "; is 20 % meant? use 0.2"),
+        (["train", "--friction-level", "20"], "; is 20 % meant? use 0.2"),
+    ],
+)
+def test_a_level_in_per_cent_is_asked_about(
+    words: list[str], meant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """Levels are shares of the torque limit; what can be no per cent, or is a coefficient, is not asked about."""
+    pytest.importorskip("viser" if words[0] == "view" else "torch" if words[0] == "train" else "mujoco")
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "level" in said and ("meant?" in said) == bool(meant) and meant in said, said
 
 
 def test_verify_takes_a_list_of_what_may_run(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -37,7 +85,7 @@ def test_verify_takes_a_list_of_what_may_run(bundle: Path, tmp_path: Path, capsy
     listed.write_text(f"{digest}  # toy\n")
     assert main(["verify", str(bundle), "--allow", str(listed)]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "as allowed" in out and "Checksums find accidents" not in out and "says nothing" in out
+    assert "as allowed" in out and "whose it is" not in out and "says nothing" in out
     listed.write_text("0" * 64)
     assert main(["verify", str(bundle), "--allow", str(listed)]) == 1
     shown = capsys.readouterr().err

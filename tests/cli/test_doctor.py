@@ -24,6 +24,9 @@ def test_randomisation_that_does_nothing_is_status_one(
     assert main(["doctor", "--randomization", "--robot", "go1"]) == 1
     captured = capsys.readouterr()
     assert "motor_strength, stiffness" in captured.err and "DOES NOTHING" in captured.out.replace("\n", " ")
+    lines = captured.out.splitlines()
+    assert lines[1].startswith("As declared: NO, ") and lines[-1].startswith("good: ") and "friction" in lines[-1]
+    assert all("DOES NOTHING" in line for line in lines if line.startswith(("stiffness", "motor_strength")))
 
 
 @pytest.mark.parametrize("options", [["--set", "task.randomization.payload=[0,0]"], ["--set", "task.timestep=0.002"]])

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from stiction.cli.main import VERBS, main
+from stiction.cli.main import GROUPS, VERBS, main
 from stiction.learning.config import TrainCfg
 from stiction_experiments.lab.command import study_names
 
@@ -53,6 +53,15 @@ def test_examples_are_in_every_help_and_their_options_exist(
         verb = shlex.split(example)[1 : 1 + len(words)]
         assert verb == words
         assert words == ["robot"] or all(re.search(rf"^\s+.*{flag}\b", text, re.MULTILINE) for flag in flags), example
+
+
+def test_the_overview_groups_every_verb_once_in_80_columns(capsys: pytest.CaptureFixture) -> None:
+    """Under what a person wants to do; each verb is one line."""
+    assert sorted(verb for verbs in GROUPS.values() for verb in verbs) == sorted(VERBS)
+    lines = help_of(capsys, "--help").splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line[:-1] for line in lines if line[:-1] in GROUPS] == ["Measure", "Train", "Check", "Run", "Tools"]
+    assert all(sum(line.startswith(f"  {verb} ") for line in lines) == 1 for verb in VERBS)
 
 
 def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:

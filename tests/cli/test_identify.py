@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,18 +57,36 @@ def test_a_foreign_log_by_mapping_and_flags(tmp_path: Path, capsys: pytest.Captu
 def test_no_page_where_none_is_wanted(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Who reads joints.json in a loop does not wait for figures, and is told of no page."""
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--set", "page=false"]) == 0
-    assert "page:" not in capsys.readouterr().err
+    assert capsys.readouterr().out.endswith("/out/joints.json\n")
     assert not (tmp_path / "out" / "report.html").exists() and (tmp_path / "out" / "joints.json").exists()
 
 
-def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Without --json the answer is readable."""
-    assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--test-condition", "loaded"]) == 0
-    out = capsys.readouterr().out
-    assert "N m s/rad" in out and "held out: " in out
-    assert "coulomb_friction" in out
-    beginnings = [line.partition(" ")[0] for line in out.splitlines()[:3]]
-    assert beginnings == ["Dry", "Does", "Run:"] and "public joints" not in out
+def test_people_get_the_answer_at_a_glance(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Friction, answer and next command, alone on its line, in five whole lines of a file; all else is on the page."""
+    out = tmp_path / "my out"
+    assert main(["identify", str(log), "--out", str(out), "--test-condition", "loaded"]) == 0
+    facts, answer, step, command, why = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"Friction 0\.44\d* ± 0\.00\d+ N m, 0\.98 % of 45 N m, dead band 1\.3°", facts), facts
+    assert answer == "Matters: A LITTLE" and step == "Next:"
+    assert command == f"  stiction train --friction-from '{out}/training.json' --preset quick"
+    assert why == f"why, and what is not known: {out}/report.html"
+    page = (out / "report.html").read_text()
+    assert (
+        "N m s/rad" in page and "Coulomb friction predicts unseen blocks better" in page and "lost a tenth of" in page
+    )
+
+
+def test_the_next_command_is_the_whole_one_with_what_it_lacks(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Without a torque limit nothing can be trained: the same command again, with --torque-limit."""
+    log.with_suffix(".json").unlink()
+    arguments = ["identify", str(log), "--kp", "20", "--kd", "0.5", "--out", str(tmp_path / "o")]
+    assert main(arguments) == 0
+    command = capsys.readouterr().out.splitlines()[-2]
+    assert command == f"  stiction {' '.join(arguments)} --torque-limit LIMIT --overwrite"
+    assert main([*command.replace("LIMIT", "45").split()[1:]]) == 0
+    assert "  stiction train --friction-from " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["joints.csv", "fit.npz"])
@@ -131,6 +150,8 @@ def test_every_joint_of_a_log_is_identified(tmp_path: Path, capsys: pytest.Captu
     assert main(["identify", str(tmp_path / "three.npz"), "--out", str(out)]) == 0
     shown = capsys.readouterr()
     assert "identifying FR_hip: done" in shown.err and "RL_hip: not identified: three.npz: position" in shown.out
+    assert " at FL_hip, 0.98 % of 45 N m" in shown.out and shown.out.count("Next:") == 1
+    assert [line.split()[0] for line in shown.out.splitlines()[-5:-1]] == ["joint", "FL_hip", "FR_hip", "RL_hip"]
     file = load_joints(out / "joints.json")
     assert list(file.joints) == ["FL_hip", "FR_hip", "RL_hip"]
     assert file.joints["FL_hip"].coulomb_friction == file.joints["FR_hip"].coulomb_friction

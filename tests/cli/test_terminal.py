@@ -36,8 +36,8 @@ DONE = r"{} +━{{40}} \d:\d\d:\d\d 0:00:00"
 @pytest.mark.parametrize(
     ("command", "bars", "first", "last"),
     [
-        pytest.param(IDENTIFY, [], "Dry friction is ", "page: shank/report.html", id="identify"),
-        pytest.param(EVALUATE, [DONE.format("mujoco")], "mujoco ", "report: walks/report.html", id="evaluate"),
+        pytest.param(IDENTIFY, [], "Friction 0.", "shank/report.html", id="identify"),
+        pytest.param(EVALUATE, [DONE.format("mujoco")], "Follows: ", "walks/report.html", id="evaluate"),
         pytest.param(
             TRAIN,
             ["teacher +━{40} 2/2", "student +━{40} 2/2"],

@@ -64,11 +64,11 @@ def test_a_log_of_another_walk_is_not_written_over(tmp_path: Path, capsys: pytes
 
 
 def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Four files, a table, and each warning once."""
+    """Four files, a table at a glance, and each warning once on the page."""
     assert main(["identify", "--robot", "saturn_lite", str(log), "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
-    assert "FL_shank" in out
-    assert out.count("--mass-known") == 1
+    assert "FL_shank" in out and out.count("Next:") == 1
+    assert (tmp_path / "report.html").read_text().count("--mass-known") == 1
     assert {path.name for path in tmp_path.iterdir()} == set(RESULTS)
     assert read_training(tmp_path / "training.json")["friction"]["level"] > 0.1
 
@@ -125,10 +125,10 @@ def test_a_walk_in_others_columns(table: dict[str, np.ndarray], tmp_path: Path, 
     assert "of which robot is this walk? Its masses and lengths: --robot FILE" in capsys.readouterr().err
     assert main([*arguments, "--robot", "saturn_lite", "--torque-source", "motor_side", "--contact", "torque"]) == 0
     said = capsys.readouterr()
-    assert "feet on the ground, from the motors' torque" in said.out
-    assert "inertia and viscous friction are not stated" in said.out
+    assert "Friction " in said.out
     assert "No artists" not in said.err
     assert {path.name for path in out.iterdir()} == set(RESULTS)
     ratio = load_joints(out / "joints.json").record("ML_shank").friction_ratio
     assert ratio is not None and ratio.value == pytest.approx(0.1, abs=0.02)
-    assert "Feet on the ground, from the motors" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "Feet on the ground, from the motors" in page and "inertia and viscous friction are not stated" in page

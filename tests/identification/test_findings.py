@@ -142,11 +142,14 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
     assert main(command) == 0
     assert (out / "training.json").exists()
     right = capsys.readouterr().out
-    assert right.startswith("Dry friction is 0.4") and right.splitlines()[1].startswith("Does it matter? ")
+    assert right.startswith("Friction 0.4") and right.splitlines()[1].startswith("Matters: ")
     assert main([*command, "--torque-scale", "2", "--overwrite"]) == 1
     told = capsys.readouterr().out.splitlines()
     assert not (out / "training.json").exists() and load_joints(out / "joints.json").joints["shank"].objections
-    assert told[0].startswith("Do first: check --torque-scale") and "2 times kp" in told[1]
+    assert told[:2] == ["Friction not stated: the fit is not valid", "Matters: CANNOT BE TOLD"]
+    assert told[2].startswith("error: the logged torque is 2 times kp") and any(
+        line.startswith("Next: check --torque-scale") for line in told
+    )
     page = (out / "report.html").read_text()
     assert page.index("Do first: check") < page.index("what was found")
     with pytest.raises(StictionError, match=r"no training\.json, .* shank: the logged torque is 2 times"):

@@ -13,7 +13,7 @@ from stiction.files.following import CommandCount
 from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, Finding, JointRecord, JointsFile
 from stiction.files.onset import AXES, OnsetCondition, OnsetEvidence
 from stiction.identification import advice
-from stiction.identification import verdict as verdict_module
+from stiction.identification import scale as scale_module
 from stiction.identification.advice import shipped
 from stiction.identification.verdict import TrainingNeed, judge
 from stiction.report.joints import joint_row, lead_lines
@@ -106,7 +106,7 @@ EVIDENCE = OnsetEvidence(
 @pytest.fixture
 def onsets(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let two robots have walked, which lie within 1.4 on f/τ_max and within 1.43 on f/kp."""
-    for module in (advice, verdict_module):
+    for module in (advice, scale_module):
         monkeypatch.setattr(module, "shipped_onsets", lambda: EVIDENCE)
 
 
@@ -122,7 +122,7 @@ def test_the_number_that_decides_is_the_one_on_which_robots_lie_closest(
     assert "matter? A little: f/kp is up to 0.052 rad; " in alone and "at f/kp 0.056 to 0.08 rad" in alone
     assert "Cannot be told without the motor's torque limit or its gain" in judge(JointRecord(FRICTION)).lines[1]
     near = (condition_of("go1", 0.05, 0.10, 0.8, 2), condition_of("go1@kp=2", 0.06, 0.14, 0.57, 1))
-    for module in (advice, verdict_module):
+    for module in (advice, scale_module):
         monkeypatch.setattr(module, "shipped_onsets", lambda: replace(EVIDENCE, conditions=near))
     assert "matter? A little: f/kp is up to 0.052 rad; " in judge(both, SOURCES).lines[1]
 

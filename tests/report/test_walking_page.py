@@ -56,11 +56,11 @@ def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
     for part in (
         "FL_shank has the most",
         ":<br>Much.<br>Run this.",
-        "1.25 ± 0.2",
-        "5 ± 0.4",
-        "0.15 ± 0.02",
-        ">3 ± 0.2<",
-        ">12 ± 0.8<",
+        "1.25 ± 0.20",
+        "5.00 ± 0.40",
+        "0.150 ± 0.020",
+        ">3.00 ± 0.20<",
+        ">12.00 ± 0.80<",
     ):
         assert part in text, part
     assert "the interval of the hips" in text and "&lt;to tell&gt;" in text

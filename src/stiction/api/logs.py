@@ -74,12 +74,12 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
             these libraries is needed.
         given: `time` [s], shape (T,), rising; `position` [rad], `velocity` [rad/s], `target` [rad], `torque` [N m],
             `disturbance`, `feedforward` [N m]: an array of shape (T,) for one joint, of shape (T, joints) for several,
-            which `names` names, or a mapping from joint to array.
+            which `names`, or `joints`, names in the order of the columns, or a mapping from joint to array.
             And what a sidecar says: `kp` [N m/rad], `kd` [N m s/rad], `torque_limit` [N m], `test_condition`, ...:
-            a number, or a mapping from joint to number.
+            a number, one a joint in the order of their names, or a mapping from joint to number.
 
-    Raises `LogError`: an array of another shape than (T,), values that are no numbers or not finite, time that does not
-    rise, an angle that can hardly be in radians, a name that there is not.
+    Raises `LogError`: an array of another shape than (T,) or (T, joints), values that are no numbers or not finite,
+    time that does not rise, an angle that can hardly be in radians, a name that there is not.
 
     >>> import numpy as np
     >>> import stiction
@@ -87,6 +87,10 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     >>> log = stiction.from_arrays(time=time, position={"hip": np.sin(time)}, torque={"hip": np.cos(time)}, kp=20.0)
     >>> list(log.joints), log.setup.kp
     (['hip'], 20.0)
+    >>> both = np.stack((np.sin(time), np.cos(time)), axis=1)  # shape (T, joints)
+    >>> log = stiction.from_arrays(time=time, position=both, target=both, names=["hip", "knee"], kp=[20.0, 30.0])
+    >>> log.setup_of("knee").kp
+    30.0
     >>> stiction.from_arrays(time=time, position=np.zeros(999))
     Traceback (most recent call last):
     stiction.core.errors.LogError: the arrays: position of joint 'joint' has the shape (999,); expected (1000,), as time
@@ -97,13 +101,17 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     for name in given:
         if name not in known:
             raise LogError(f"{SOURCE}: {unknown_name('name', name, known)}")
+    names = _take_names(given)
+    counts = [np.shape(given[name])[1] for name in SIGNALS if np.ndim(given.get(name, 0)) == 2]
+    names = names or tuple(f"joint_{index}" for index in range(max(counts, default=0)))
     for name in OF_FRAME:
         value = given.pop(name, None)
         if value is None:
             continue
         whose = list(value.items()) if isinstance(value, Mapping) else [(None, value)]
-        if whose[0][0] is None and np.ndim(value) == 2 and name != "time":
-            whose = _by_column(name, value, given.get("names", ()))
+        if whose[0][0] is None and name != "time" and np.ndim(value) < 3:
+            matrix = np.reshape(value, (-1, 1)) if np.ndim(value) < 2 else np.asarray(value)
+            whose = _by_column(name, matrix, names) if names else whose
         for joint, array in whose:
             table[name if joint is None else f"{name}.{joint}"] = array
     if "time" not in table:
@@ -116,16 +124,32 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     return Log(SOURCE, time, joints, _setup(given, joints))
 
 
-def _by_column(name: str, matrix: Any, names: Any) -> list[tuple[str | None, Any]]:
+def _take_names(given: dict[str, Any]) -> tuple[str, ...]:
+    """Take the names of the joints out of what is given, and turn numbers in their order into mappings."""
+    key = "names" if "names" in given else "joints"
+    if isinstance(given.get(key, {}), Mapping):
+        return ()
+    names = several(given.pop(key))
+    for field, value in given.items():
+        numbers = isinstance(value, list | tuple | np.ndarray) and np.asarray(value).dtype.kind in "fiu"
+        if numbers and field not in OF_FRAME and np.size(value) > 1:
+            if np.shape(value) != (len(names),):
+                raise LogError(
+                    f"{SOURCE}: {field} has the shape {np.shape(value)}; expected ({len(names)},), a number a joint"
+                )
+            given[field] = {joint: each.item() if hasattr(each, "item") else each for joint, each in zip(names, value)}
+    return names
+
+
+def _by_column(name: str, matrix: np.ndarray, joints: Sequence[str]) -> list[tuple[str | None, Any]]:
     """Return the columns of a signal of several joints, shape (T, joints), by joint."""
-    columns = np.asarray(matrix).T
-    joints = several(names) or tuple(f"joint_{index}" for index in range(len(columns)))
-    if len(joints) != len(columns):
+    if len(joints) != matrix.shape[1]:
+        turn = f"; do: {name}.T" if len(joints) == len(matrix) else ""
         raise LogError(
-            f"{SOURCE}: {name} has the shape {columns.T.shape} and names has {len(joints)}; expected (T, joints), "
-            "and a name for each"
+            f"{SOURCE}: {name} has the shape {matrix.shape} and names has {len(joints)}; expected (T, joints), "
+            f"and a name for each{turn}"
         )
-    return list(zip(joints, columns, strict=True))
+    return list(zip(joints, matrix.T, strict=True))
 
 
 def _columns_of(frame: Any) -> dict[str, Any]:

@@ -7,11 +7,16 @@ import math
 import re
 import sys
 import warnings
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from stiction.core.extras import require
+from rich.table import Column, Table
+
+from stiction.core.extras import EXTRAS, install_command, installed_by, installed_from, missing, require
 from stiction.core.options import read_options, refuse
+from stiction.report.glance import Glance, print_glance
+from stiction.report.terminal import Terminal
 from stiction.task.config import TaskCfg
 
 DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says. Without
@@ -71,20 +76,28 @@ def _describe_machine(as_json: bool) -> int:
     if as_json:
         print(json.dumps(facts))
     else:
-        for name, value in facts.items():
-            text = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
-            print(f"{name}: {text}")
+        lacking = [extra for extra in EXTRAS if missing(extra)]
+        some = f"{len(EXTRAS) - len(lacking)} of {len(EXTRAS)} extras, not {', '.join(lacking)}"
+        ready = "sim" not in lacking and "train" not in lacking
+        print_glance(
+            Terminal(),
+            Glance(
+                f"{facts['cpu']}, {facts['cores']} cores, {facts['system']}, Python {facts['python']}",
+                "Installed",
+                some if lacking else "every extra",
+                "good" if ready else "note",
+                "stiction demo" if "sim" not in lacking else install_command("sim", installed_from(), installed_by()),
+                why="threads, packages and their versions: stiction doctor --json",
+            ),
+        )
     return 0
 
 
 def _audit(options: Doctor) -> int:
     """Audit the randomisation of a task of ours."""
     require("train")
-    from rich.table import Table
-
     from stiction.learning.config import TrainCfg
     from stiction.learning.presets import check_settings
-    from stiction.report.terminal import Terminal
     from stiction.robots.catalog import find_robot
     from stiction.robots.sliders import weak_friction
     from stiction.task.audit import check_randomization
@@ -101,14 +114,11 @@ def _audit(options: Doctor) -> int:
     if options.json:
         print(json.dumps({"robot": spec.name, "ok": not failed, "rows": [asdict(r) | {"ok": r.ok} for r in rows]}))
     else:
-        table = Table(
-            "parameter", "measured", "share of the formula's effect", "verdict", title=f"randomisation of {spec.name}"
-        )
-        for row in rows:
-            table.add_row(
-                row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="" if row.ok else "bold red"
-            )
-        Terminal().print(table)
+        table = Table("parameter", "measured", "share of the formula's effect", "verdict", box=None, pad_edge=False)
+        for row in failed:
+            table.add_row(row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="bold red")
+        good = ", ".join(dict.fromkeys(row.parameter for row in rows if row.ok))
+        _print_audit(f"randomisation of {spec.name}", rows, failed, f"good: {good}", table)
     if failed:
         names = ", ".join(sorted({row.parameter for row in failed}))
         print(f"stiction doctor: {len(failed)} of {len(rows)} checks failed: {names}", file=sys.stderr)
@@ -118,10 +128,7 @@ def _audit(options: Doctor) -> int:
 def _audit_mjlab(task: str, as_json: bool) -> int:
     """Audit a task of mjlab."""
     require("mjlab")
-    from rich.table import Column, Table
-
     from stiction.core.draws import CREEP
-    from stiction.report.terminal import Terminal
 
     # Of mjlab's own functions, at its import.
     warnings.filterwarnings("ignore", message=r"`torch\.jit\.script` is deprecated")
@@ -136,22 +143,29 @@ def _audit_mjlab(task: str, as_json: bool) -> int:
     else:
         # Names stay whole in 80 columns.
         ranges = (Column(name, max_width=10) for name in ("seen", "declared"))
-        drawn = Table(Column("event, value", no_wrap=True), *ranges, "verdict", title=f"what {task} draws")
-        for row in audit.draws:
+        look: dict[str, Any] = {"box": None, "pad_edge": False}
+        drawn = Table(Column("event, value", no_wrap=True), *ranges, "verdict", **look)
+        for row in (row for row in audit.draws if not row.ok):
             name = row.event + "\n" + re.sub(r" (?=/ |- |of |\[)", "\n", row.quantity)
-            drawn.add_row(name, _ends(row.seen), _ends(row.declared), row.verdict, style="" if row.ok else "bold red")
+            drawn.add_row(name, _ends(row.seen), _ends(row.declared), row.verdict, style="bold red")
         held = Table(
             Column("joint", no_wrap=True),
             *("friction", "moved", "in MuJoCo", "verdict"),
-            title="under 0.8 of its friction for 1 s [N m, mrad]",
+            caption="under 0.8 of its friction for 1 s [N m, mrad]",
+            **look,
         )
-        for joint in audit.holds:
+        for joint in (joint for joint in audit.holds if not joint.ok):
             moved = (f"{1e3 * angle:.3g}" for angle in (joint.moved, joint.moved_in_mujoco))
-            held.add_row(
-                joint.joint, f"{joint.friction:.3g}", *moved, joint.verdict, style="" if joint.ok else "bold red"
-            )
-        Terminal().print(drawn if audit.draws else f"no event of {task} draws anything of the model")
-        Terminal().print(held if audit.holds else "no driven joint has dry friction: there is none to hold it")
+            held.add_row(joint.joint, f"{joint.friction:.3g}", *moved, joint.verdict, style="bold red")
+        good = (
+            f"{sum(row.ok for row in audit.draws)} values drawn as declared"
+            if audit.draws
+            else f"no event of {task} draws anything of the model",
+            f"{sum(joint.ok for joint in audit.holds)} joints hold"
+            if audit.holds
+            else "no driven joint has dry friction: there is none to hold it",
+        )
+        _print_audit(task, [*audit.draws, *audit.holds], failed, "; ".join(good), drawn, held)
     if loose := [row for row in audit.holds if row.ok and row.moved_in_mujoco > CREEP]:
         print(
             f"stiction doctor: warning: joints that hold in training and creep in MuJoCo on the CPU, as policies are "
@@ -162,6 +176,13 @@ def _audit_mjlab(task: str, as_json: bool) -> int:
         total = len(audit.draws) + len(audit.holds)
         print(f"stiction doctor: {len(failed)} of {total} checks failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _print_audit(what: str, rows: Sequence[Any], failed: Sequence[Any], good: str, *tables: Table) -> None:
+    """Print an audit: the rows that failed, and all good ones in one line."""
+    answer = f"no, {len(failed)} of {len(rows)} checks failed" if failed else f"yes, all {len(rows)} checks"
+    glance = Glance(what, "As declared", answer, "bad" if failed else "good", why=good)
+    print_glance(Terminal(), glance, *(table for table in tables if table.row_count))
 
 
 ROWS = ("draws", "holds")

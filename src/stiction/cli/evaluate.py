@@ -134,7 +134,7 @@ def main(arguments: list[str]) -> int:
     from stiction.evaluation.summary import bundle_of, evaluate_all
     from stiction.evaluation.walk_logs import RecordCfg, log_all
     from stiction.report.evaluation import FILES
-    from stiction.report.terminal import print_warnings, work_progress
+    from stiction.report.terminal import work_progress
 
     for engine in cfg.engines:
         parse_simulator(engine)  # names before numbers
@@ -158,7 +158,6 @@ def main(arguments: list[str]) -> int:
             if record is not None and cfg.log is not None:
                 threads = num_threads()
                 summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, threads, progress, cfg.overwrite)
-        print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
 
@@ -179,18 +178,18 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
     """Write the files and the page; print the rows."""
     from stiction.api.evaluation import Evaluated
     from stiction.files.results import summary_text
-    from stiction.report.following import onset_lines, print_rows
+    from stiction.report.evaluated import evaluation_glance, rows_table
+    from stiction.report.glance import print_glance
+    from stiction.report.terminal import Terminal, print_warnings
 
     Evaluated(tuple(rows), summary).write(cfg.out)
     if cfg.json:
+        print_warnings("evaluate", summary["warnings"])
         print(summary_text(summary), end="")
-    else:
-        print_rows(rows, summary.get("torque_limits"))
-        for line in onset_lines(summary.get("onset", {})):
-            print(line)
-        print(f"report: {cfg.out / 'report.html'}")
-        if "logs" in summary:
-            print(f"logs: {len(summary['logs'])} in {cfg.log}")
+        return
+    if "logs" in summary:
+        print(f"logs: {len(summary['logs'])} in {cfg.log}")
+    print_glance(Terminal(), evaluation_glance(rows, summary, cfg.out), rows_table(rows))
 
 
 DESCRIPTION = """Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 from stiction.core.effects import needs
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import ConfigurationError
 from stiction.core.flags import ARGUMENT
 from stiction.core.lock import replaced_folder
 from stiction.core.options import read_options
@@ -108,7 +108,9 @@ def _to_bundle(cfg: ExportCfg) -> None:
 
 def _to_others(cfg: ExportCfg, to: Literal["webots", "deploy.yaml", "rl_sar", "mjlab"]) -> None:
     """Export one bundle as a Webots project, or as another runtime deploys it."""
-    source = _bundle(cfg.source)
+    from stiction.files.bundle import find_bundle
+
+    source = find_bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
@@ -133,14 +135,3 @@ def _bundle_name(folder: Path) -> str:
     """Return what a bundle is called: its folder's name, within a run that of the run."""
     folder = folder.resolve()
     return folder.parent.name if folder.name == "bundle" else folder.name
-
-
-def _bundle(source: Path) -> Path:
-    """Return the bundle that is meant: a directory, a shipped one by its name, or the one within a run."""
-    from stiction.files.bundle import CONTRACT, find_bundle
-
-    if (source / "config.json").is_file() and not (source / CONTRACT).exists():
-        if not (source / "bundle" / CONTRACT).is_file():
-            raise FileError(f"the run {source} has no bundle; make one first: stiction export {source}")
-        return source / "bundle"
-    return find_bundle(source)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,8 +17,6 @@ from stiction.cli.identified import (
     log_inputs,
     memory_of,
     print_results,
-    show,
-    show_limb,
     status_of,
 )
 from stiction.core.effects import excludes, flag_of, needs
@@ -65,12 +62,6 @@ GROUPS = {
 
 WALK = "walk"
 """The word before a log that is one of a walk, in whatever form."""
-
-COUPLED = (
-    "several joints were identified, each as if the others stood still: if they moved at once and are of one leg or "
-    "arm, --robot FILE takes off what each does to the others"
-)
-"""What is said of a log with several joints and no robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,12 +149,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
             found = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
     with results_folder(config.out, "identify", config, RESULTS, inputs):
         found.write(config.out, command, config.page)
-    if config.robot is not None:
-        print_results(config, found.file, partial(show_limb, model_error=config.model_error))
-        return status_of(found.file)
-    print_results(config, found.file, show)
-    if len(found.signals) > 1 and setup.test_condition != "bare_motor":
-        Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
+    print_results(config, found.file, command)
     return status_of(found.file)
 
 

@@ -17,7 +17,6 @@ from stiction.cli.identified import (
     log_inputs,
     memory_of,
     print_results,
-    show_walk,
     status_of,
 )
 from stiction.core.effects import flag_of
@@ -92,6 +91,7 @@ def identify_walk(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     keep_inputs(options.log, options.out)
+    command = shlex.join(["stiction", *VERB.split(), *arguments])
     # As above, before anything is read.
     inputs: Inputs = {**log_inputs(options, [options.log]), "robot": options.robot}
     check_settings(options.out, VERB, options, RESULTS, inputs)
@@ -116,8 +116,8 @@ def identify_walk(arguments: list[str]) -> int:
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)
             if options.page:
-                write_walking_page(options.out, shlex.join(["stiction", *VERB.split(), *arguments]))
-    print_results(options, found.joints, show_walk)
+                write_walking_page(options.out, command)
+    print_results(options, found.joints, command)
     return status_of(found.joints)
 
 

@@ -40,6 +40,15 @@ VERBS = {
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
+GROUPS = {
+    "Measure": ("excite", "identify", "train-actuator", "convert"),
+    "Train": ("train", "export", "import"),
+    "Check": ("robot", "verify", "evaluate", "report"),
+    "Run": ("demo", "deploy", "view"),
+    "Tools": ("list", "doctor", "sign", "bench", "study", "replicate"),
+}
+"""Heading of `stiction --help` -> its verbs."""
+
 INSTALLED = frozenset({"replicate", "study", "bench"})
 """Verbs that are entry points of the distribution of the experiments."""
 
@@ -51,7 +60,7 @@ NEEDS |= dict.fromkeys(("train", "train-actuator", "bench"), "train")
 HELP = frozenset({"-h", "--help", "--help-all"})
 """Words that ask for help."""
 
-USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
+USAGE = "usage: stiction VERB [--help] [options]\n"
 EPILOG = """
 Verbs with [sim], [train] and the like need that extra, and print the command
 that installs it where it is missing.
@@ -69,7 +78,10 @@ Examples:
 def overview() -> str:
     """Return the text of `stiction --help`."""
     extras = {verb: f" [{extra}]" for verb, extra in NEEDS.items()}
-    return USAGE + "".join(f"  {verb:<16}{text}{extras.get(verb, '')}\n" for verb, text in VERBS.items()) + EPILOG
+    lines = []
+    for heading, verbs in GROUPS.items():
+        lines += ["", f"{heading}:", *(f"  {verb:<16}{VERBS[verb]}{extras.get(verb, '')}" for verb in verbs)]
+    return "\n".join((USAGE.rstrip(), *lines, EPILOG))
 
 
 def main(arguments: list[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -66,29 +67,32 @@ def _check(cfg: CheckCfg) -> int:
         print(json.dumps(found.to_dict(), indent=2))
         return int(bool(bad))
     from rich.table import Table
-    from rich.text import Text
 
+    from stiction.report.glance import Glance, print_glance
     from stiction.report.terminal import Terminal
 
-    table = Table(
-        "check", "", "found", "what mends it", title=f"{found.robot.name} ({cfg.robot})", title_justify="left"
+    robot, names = found.robot, ", ".join(dict.fromkeys(finding.check for finding in bad))
+    good = ", ".join(dict.fromkeys(finding.check for finding in findings if finding.state == "good"))
+    glance = Glance(
+        f"{robot.name} ({cfg.robot}): {robot.mass:.4g} kg, {len(robot.joints)} joints, {len(robot.feet)} feet",
+        "Usable",
+        "no" if bad else "yes",
+        "bad" if bad else "good",
+        "" if bad else f"stiction train --robot {shlex.quote(cfg.robot)}",
+        why=f"good: {good}" if good else "",
     )
-    styles = {"good": "green", "note": "yellow", "bad": "bold red"}
-    states = {state: Text(state, style) for state, style in styles.items()}
-    for finding in findings:
-        table.add_row(
-            finding.check, states[finding.state], finding.text, finding.mend if finding.state != "good" else ""
-        )
+    table = Table("check", "found", "what mends it", box=None, pad_edge=False)
+    for state, style in (("bad", "bold red"), ("note", "yellow")):
+        for finding in findings:
+            if finding.state == state:
+                table.add_row(finding.check, finding.text, finding.mend, style=style)
     for note in found.notes:
-        table.add_row("file", states["note"], note, "")
-    console = Terminal()
-    console.print(table)
+        table.add_row("file", note, "", style="yellow")
+    print_glance(Terminal(), glance, *([table] if table.row_count else []))
     if bad:
-        names = ", ".join(dict.fromkeys(finding.check for finding in bad))
         raise RobotError(
             f"{cfg.robot}: fails {len(bad)} of {len(findings)} checks ({names}); the table says what mends each"
         )
-    console.print("It can be used: stiction train --robot " + cfg.robot)
     return 0
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from stiction.core.errors import StictionError
 from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
-
-if TYPE_CHECKING:
-    from stiction.files.golden import Exercise
+from stiction.deploy.check import BundleCheck
+from stiction.files.golden import exercise_of
+from stiction.files.known_friction import known_friction_text
+from stiction.files.onset import golden_motion, predict_onset
+from stiction.report.glance import Glance, print_glance
+from stiction.report.terminal import Terminal
 
 
 @dataclass(frozen=True)
@@ -48,65 +52,40 @@ def main(arguments: list[str]) -> None:
     if cfg.json:
         print(json.dumps(found.to_dict(), indent=2))
     else:
-        _print(
-            found.check, "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None
-        )
+        known = "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None
+        print_glance(Terminal(), _glance(found.check, str(cfg.bundle), known))
 
 
-def _print(check, known: str | None) -> None:
-    """Print what was checked as a table; `known`: whether its digest was `expected`, or `allowed`."""
-    from rich.table import Table
-
-    from stiction.deploy.check import TOLERANCE, target_limits_text
-    from stiction.files.golden import exercise_of
-    from stiction.files.known_friction import known_friction_text
-    from stiction.files.onset import golden_motion, predict_onset
-    from stiction.report.terminal import Terminal
-
+def _glance(check: BundleCheck, given: str, known: str | None) -> Glance:
+    """Return a bundle that passed every check. given: as typed; known: `expected` or `allowed`, as its digest was."""
     bundle, contract = check.bundle, check.bundle.contract
-    unchecked = "there is one, of whom was not checked: name the maker's public key, --key"
-    signature = f"by the key {check.signer}" if check.signer else "none" if bundle.signature is None else unchecked
-    rows = {
-        "files": f"{5 + (bundle.wear is not None)}, {bundle.size / 1e6:.2f} MB, as SHA256SUMS says",
-        "digest": bundle.digest + ("" if known is None else f", as {known}"),
-        "signature": signature,
-        "contract": f"{contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s; "
-        f"trained with {contract.method!r}, nominal friction {100 * contract.friction_level:g} % of the torque limit",
-        "network": f"observation {contract.observation.size} -> action {contract.num_joints}, nothing outside the file",
-        "replay": f"{check.steps} steps; largest difference {check.observation_error:.1e} in the observation, "
-        f"{check.action_error:.1e} in the action, {check.target_error:.1e} rad in the target (allowed {TOLERANCE:g})",
-    }
-    rows["exercised"] = _exercise(exercise_of(bundle.golden, contract))
-    rows["target limits"] = target_limits_text(contract)
+    notes, missed = [], exercise_of(bundle.golden, contract).missed
+    if check.signer is None and known is None:
+        nobody = "its signature was not checked, --key does" if bundle.signature else "it has no signature"
+        notes.append(f"whose it is was not checked: {nobody}, or --expect-digest")
+    if missed:
+        notes.append(f"its recording, and so the replay, says nothing of: {', '.join(missed)}")
     if not contract.met_friction:
         predicted = predict_onset(contract, golden_motion(bundle.golden, contract))
-        walk = "its recording has friction: stiction evaluate walks without"
-        rows["predicted"] = walk if predicted is None else predicted.text
+        notes.append(f"trained without friction, and {'not predicted' if predicted is None else predicted.text}")
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"
-        rows["told friction"] = f"{known_friction_text(contract.known_friction)}, {source}"
+        notes.append(f"it is told its joints' friction: {known_friction_text(contract.known_friction)}, {source}")
     if bundle.wear is not None and not bundle.wear_bound:
-        rows["wear monitor"] = "not bound to the policy by its recording, as in bundles of older versions"
-    table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
-    for name, text in rows.items():
-        table.add_row(name, text)
-    console = Terminal()
-    console.print(table)
-    if check.signer is None and known is None:
-        console.print(
-            "Checksums find accidents, signatures find authors: --key, or --expect-digest, says whose bundle this is."
-        )
-
-
-def _exercise(found: Exercise) -> str:
-    """Return what a recording exercises, and what it says nothing of, in words."""
-    shown = [f"{found.resets} resets on the way"]
-    shown += ["a history that rolls over"] if found.rolls_over else []
-    text = "; ".join([*shown, *found.reached])
-    if not found.missed:
-        return text
-    return f"{text}. Not: {', '.join(found.missed)}; of those the replay says nothing (bundles of today have them)"
+        notes.append("its wear monitor is not bound to the policy by its recording, as in bundles of older versions")
+    files = 5 + (bundle.wear is not None)
+    checked = f"{files} files, network, {check.steps} steps to {check.target_error:.1e} rad"
+    signed = f", signed by the key {check.signer}" if check.signer else ""
+    return Glance(
+        f"{bundle.name}: {contract.robot}, trained {contract.trained}",
+        "Verified",
+        f"every check passed, {checked}{signed}",
+        "good",
+        f"stiction evaluate {shlex.quote(given)}",
+        notes=tuple(notes),
+        why=f"digest {bundle.digest}" + ("" if known is None else f", as {known}"),
+    )
 
 
 DESCRIPTION = (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from stiction.core.effects import excludes, needs
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, if_per_cent
 from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 from stiction.files.settings import check_file
@@ -158,8 +158,9 @@ def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> S
     from stiction.view.simulation import Simulation, WorldCfg
 
     if not 0 <= cfg.friction_level <= MAX_LEVEL:
+        meant = if_per_cent(cfg.friction_level)
         raise ConfigurationError(
-            f"--friction-level: got {cfg.friction_level:g}, expected 0 to {MAX_LEVEL:g}; change it"
+            f"--friction-level: got {cfg.friction_level:g}, expected 0 to {MAX_LEVEL:g}{meant or '; change it'}"
         )
     command = None if cfg.command is None else parse_command(cfg.command)
     for policy in policies:

@@ -100,6 +100,11 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     return f"unknown {what} {name!r}{nearest(name, names) or ';'} known: {listed}{more}"
 
 
+def if_per_cent(level: float) -> str:
+    """Return the question whether a level, which is a share, was meant in per cent; empty where it hardly was."""
+    return f"; is {level:g} % meant? use {level / 100:g}" if 1.0 < level <= 100.0 else ""
+
+
 def check_once(
     what: str, values: Sequence[Any], least: int = 1, same: Callable[[Any], Any] = lambda value: value
 ) -> None:

@@ -187,6 +187,9 @@ def convert(entry: Entry, words: Sequence[str]) -> Any:
     if may_lack and [*words] == ["None"]:
         return None
     kinds, many = entry.values
+    if get_origin(kind) is tuple and {*kinds} <= {int, float}:
+        # People write lists with commas, too: 0,0.1,0.2 or 0, 0.1, 0.2.
+        words = [part for word in words for part in word.removesuffix(",").split(",")]
     if not words or (len(words) % len(kinds) if many else len(words) != len(kinds)):
         raise ValueError
     values = tuple(_scalar(kinds[number % len(kinds)], word) for number, word in enumerate(words))

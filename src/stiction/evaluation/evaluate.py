@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, check_once
+from stiction.core.errors import ConfigurationError, check_once, if_per_cent
 from stiction.core.provenance import seed_streams
 from stiction.deploy.control import Driver
 from stiction.deploy.policy import load_policy
@@ -101,7 +101,8 @@ class EvaluationCfg:
         unit = "coefficients" if has_coefficient(self.law.name) else "fractions of the torque limit"
         for level in self.friction_levels:
             if not 0.0 <= level <= MAX_LEVEL:
-                raise ConfigurationError(f"friction level {level} is outside [0, {MAX_LEVEL}], {unit}")
+                meant = "" if has_coefficient(self.law.name) else if_per_cent(level)
+                raise ConfigurationError(f"friction level {level} is outside [0, {MAX_LEVEL}], {unit}{meant}")
         check_once("friction levels", self.friction_levels)
         check_once("commands", [command.label for command in self.parsed_commands])
         if self.episodes * self.seconds > MAX_ROBOT_SECONDS:

@@ -20,7 +20,7 @@ from stiction.evaluation.policies import OwnPolicy, method_of, own_policy
 from stiction.evaluation.run import BENCHES, Progress, walk_grid
 from stiction.evaluation.table import methods_of, rows_of, sample_names
 from stiction.files.bundle import Bundle, find_bundle
-from stiction.files.contract import limits_text
+from stiction.files.contract import limits_text, robot_of
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.files.following import EVERY, scaled_commands
 from stiction.files.results import ResultRow
@@ -185,4 +185,5 @@ DESCRIBED = (
 
 def describe(bundle: Bundle) -> dict[str, Any]:
     """Return what identifies a policy: its digest, and how it was made."""
-    return {"digest": bundle.digest} | {name: getattr(bundle.contract, name) for name in DESCRIBED}
+    feet = len(robot_of(bundle.contract).feet)
+    return {"digest": bundle.digest, "feet": feet} | {name: getattr(bundle.contract, name) for name in DESCRIBED}

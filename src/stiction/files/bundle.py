@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shlex
 import stat
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -257,10 +258,24 @@ def shipped_bundles() -> dict[str, Path]:
 
 
 def find_bundle(name: Path) -> Path:
-    """Return the directory of `name`: a path, or the name of a shipped bundle where no such path exists.
+    """Return the directory of `name`: a path, that of a run with its bundle in it, or the name of a shipped bundle.
 
-    Raises `BundleError` for a name without folders that is neither.
+    Raises `BundleError` for a name without folders that is none of these and, with the command that makes the bundle,
+    for a run that was not exported and a bare network.
     """
+    if name.suffix == ".onnx" and name.is_file():
+        made = shlex.quote(name.stem)
+        raise BundleError(
+            f"{name}: got a bare network, expected the directory of a bundle; do: stiction import "
+            f"{shlex.quote(str(name))} --robot ROBOT --out {made}, then give {made}"
+        )
+    if (name / "config.json").is_file() and not (name / CONTRACT).exists():
+        if (name / "bundle" / CONTRACT).is_file():
+            return name / "bundle"
+        raise BundleError(
+            f"{name}: got a training run that was not exported, expected a bundle; do: stiction export "
+            f"{shlex.quote(str(name))}"
+        )
     if name.exists() or len(name.parts) > 1:
         return name
     shipped = shipped_bundles()

@@ -71,6 +71,7 @@ def _digest(path: Path) -> str:
     from stiction.files.run_log import find_run_log
 
     folder = path if path.exists() else find_bundle(path)
+    folder = folder / "bundle" if (folder / "bundle" / SUMS).is_file() else folder  # of a run
     if not folder.is_dir():
         return digest_of(folder)
     if (folder / SUMS).is_file():

@@ -14,7 +14,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from stiction.core.names import kind_of
@@ -27,7 +26,6 @@ from stiction.files.joints import (
     JointsFile,
     write_training,
 )
-from stiction.files.onset import shipped_onsets
 from stiction.identification.advice import (
     CONDITIONS,
     SYMBOLS,
@@ -41,6 +39,7 @@ from stiction.identification.advice import (
     thresholds,
 )
 from stiction.identification.runs import Run
+from stiction.identification.scale import MARGIN, Scale, margin_of, scale_of
 
 NAMED = {
     "--kt": ("kt", "N m/A"),
@@ -130,9 +129,6 @@ def _of_unit(given: dict[str, Any], links: dict[str, Any] | None, unit: str) -> 
     return flags, f"all of it if {what}, as declared{speed}: {shows}"
 
 
-MARGIN = 2.0
-"""Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
-
 TRAINABLE = 0.8
 """Levels from here on leave the motor too little to walk with; training refuses them."""
 
@@ -158,7 +154,14 @@ def friction_level(record: JointRecord) -> float | None:
     if ratio is None or record.axis != "rotary" or record.objections or ratio.interval95[0] <= 0:
         return None
     # 100 times 0.07 is a hair over 7 in floating point, which is no reason for one per cent more.
-    return math.ceil(100 * _margin(record) * ratio.interval95[1] - 1e-9) / 100
+    return math.ceil(100 * margin_of(record) * ratio.interval95[1] - 1e-9) / 100
+
+
+AGAIN = "identify again"
+"""Begin of a next step that is the command of before, with further flags where one follows."""
+
+WITHOUT_TASK = "cannot be told without the task"
+"""Answer for a joint that is not known to be a leg's."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +185,12 @@ class TrainingNeed:
     """What that training is or draws, and what of the joint's friction it covers; begins with a verb."""
     assumes: tuple[str, ...] = ()
     """Flags whose numbers the friction rests on and nothing in the log shows; the first line says so."""
+    answer: str = "cannot be told"
+    """Answer to whether the friction matters, in a word: `no`, `a little`, `probably`, `yes`, or `cannot be told`."""
+    step: str = ""
+    """Next step: a command, `AGAIN` with further flags or words, or an instruction."""
+    scale: Scale | None = None
+    """Place among the answers; None where there is no friction, torque limit or gain to compare."""
 
     @property
     def text(self) -> str:
@@ -201,6 +210,9 @@ class TrainingNeed:
             "text": self.text,
             "placement": [asdict(item) for item in self.placement],
             "assumes": list(self.assumes),
+            "answer": self.answer,
+            "step": self.step,
+            "scale": self.scale and asdict(self.scale) | {"ends": list(self.scale.ends)},
         }
 
 
@@ -220,7 +232,7 @@ def judge(
     torque limits, which one training has to cover too [-].
     """
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
-        return TrainingNeed(None, _invalid(record))
+        return TrainingNeed(None, _invalid(record), step=record.objections[0].remedy)
     ratio, level = record.friction_ratio, friction_level(record)
     legs = legs and record.axis == "rotary"
     advice, training, proposal = None, None, ""
@@ -230,18 +242,25 @@ def judge(
         drawn = draw_rise(record, advice.settings) if advice.training.level > 0 else None
         training, words = (advice.settings, "") if drawn is None else drawn
         proposal = _proposal(record, advice, words)
-    matters = _matters(record) if legs else f"Cannot be told without the task. {_ignored(record)}"
-    run = f"Run: {advice.command}, which {proposal}" if legs and advice else _to_do(record, level, legs)
+    scale = scale_of(record) if legs else None
+    answer, matters = _matters(record, scale) if legs else (WITHOUT_TASK, f" without the task. {_ignored(record)}")
+    if legs and advice:
+        step, run = advice.command, f"Run: {advice.command}, which {proposal}"
+    else:
+        step, run = _to_do(record, level, legs)
     placement = tuple(filter(None, (place(record, "friction_ratio"), place(record, "dead_band"))))
     return TrainingNeed(
         level=None if advice is None else level,
-        lines=(_how_much(record), f"Does it matter? {matters}", run),
+        lines=(_how_much(record), f"Does it matter? {answer.partition(' without ')[0].capitalize()}{matters}", run),
         details=_details(record, legs, placement, advice),
         placement=placement,
         advice=advice,
         training=training,
         proposal=proposal,
         assumes=assumption(record)[0],
+        answer=answer,
+        step=step,
+        scale=scale,
     )
 
 
@@ -293,67 +312,54 @@ def _ignored(record: JointRecord) -> str:
     return f"The joint ignores position errors up to f/kp, {span}, at the gains of the log."
 
 
-def _matters(record: JointRecord) -> str:
-    """Say whether it matters to a walking policy, by the one number that tells best of those that the log has."""
-    if (shown := _on_axis(record)) is None:
-        return "Cannot be told without the motor's torque limit or its gain (--torque-limit, --kp)."
-    axis, (low, high) = shown
-    symbol, factor, unit = SYMBOLS[axis]
-    margin, suffers = _margin(record), thresholds(axis)
-    most = f"{high * factor:.4g}{unit}" + ("" if margin == 1.0 else f", and under load perhaps {margin:g} times that")
+def _matters(record: JointRecord, scale: Scale | None) -> tuple[str, str]:
+    """Return whether it matters to a walking policy, and the number that tells, of those that the log has the best."""
+    if scale is None:
+        return (
+            "cannot be told without --torque-limit or --kp",
+            " without the motor's torque limit or its gain (--torque-limit, --kp).",
+        )
+    symbol, factor, unit = SYMBOLS[scale.axis]
+    most = f"{scale.high * factor:.4g}{unit}"
+    most += "" if scale.margin == 1.0 else f", and under load perhaps {scale.margin:g} times that"
     where = symbol if record.holding_friction is None else f"{symbol} at rest"
-    if margin * high < suffers.noticed[0]:
-        answer = f"No: {where} is at most {most}"
-    elif record.objections:
-        answer = f"Cannot be told: {where} may be nothing, or up to {most}"
-    elif low >= median(shipped_onsets().middles(axis)):
-        answer = f"Yes: {where} is at least {low * factor:.4g}{unit}"
-    elif margin * high >= suffers.onset[0]:
-        answer = f"Probably: {where} is up to {most}"
-    else:
-        answer = f"A little: {where} is up to {most}"
-    return f"{answer}; {suffers.text}."
-
-
-def _on_axis(record: JointRecord) -> tuple[str, tuple[float, float]] | None:
-    """Return the axis on which onsets lie closest, of those that a record shows, and its interval there, or None."""
-    on = {"torque_limit": record.friction_ratio, "dead_band_worst": record.dead_band}
-    shown = {axis: estimate.interval95 for axis, estimate in on.items() if estimate is not None}
-    axis = min(shown, key=shipped_onsets().spread, default=None)
-    return None if axis is None else (axis, shown[axis])
-
-
-def _margin(record: JointRecord) -> float:
-    """Return the factor on friction that load may add."""
-    return 1.0 if record.test_condition == "loaded" else MARGIN
+    answer = scale.answer if scale.answer == "no" or not record.objections else "cannot be told"
+    reached = {
+        "no": f"{where} is at most {most}",
+        "cannot be told": f"{where} may be nothing, or up to {most}",
+        "yes": f"{where} is at least {scale.low * factor:.4g}{unit}",
+    }
+    return answer, f": {reached.get(answer, f'{where} is up to {most}')}; {thresholds(scale.axis).text}."
 
 
 def _harmless(record: JointRecord) -> bool:
     """Return whether friction is too little to be noticed by a policy, even with the margin."""
-    if (shown := _on_axis(record)) is None:
-        return False
-    axis, (_, high) = shown
-    return _margin(record) * high < thresholds(axis).noticed[0]
+    scale = scale_of(record)
+    return scale is not None and scale.answer == "no"
 
 
-def _to_do(record: JointRecord, level: float | None, legs: bool) -> str:
-    """Say what to do where no training is advised, or the joint is not known to be a leg's."""
+def _to_do(record: JointRecord, level: float | None, legs: bool) -> tuple[str, str]:
+    """Return the next step, and the line about it, where no training is advised or the joint may be no leg's."""
     if record.objections:
-        begin = "Do first: "
+        remedy = record.objections[0].remedy
         if legs and _harmless(record):
+            step = "stiction train --method none"
             begin = "Nothing has to be done, train with --method none. To tell how little friction there is, "
-        return f"{begin}{record.objections[0].remedy}. No level is proposed."
+            return step, f"{begin}{remedy}. No level is proposed."
+        return remedy, f"Do first: {remedy}. No level is proposed."
     if level is not None and level >= TRAINABLE:
-        return f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: repair the joint."
+        why = f"to cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}"
+        return f"repair the joint: {why}", f"{why[0].upper()}{why[1:]}: repair the joint."
     if legs:
-        return "Run: this again with --torque-limit; a training takes friction as a share of it."
+        step = f"{AGAIN} --torque-limit LIMIT"
+        return step, "Run: this again with --torque-limit; a training takes friction as a share of it."
     if record.coulomb_friction is None:
-        return (
-            "Run: this again with the gains in N m/rad and --set motor_strength=1, or with a known load; a simulator "
-            "takes friction in N m, not over the motor strength k."
-        )
+        gains = "with the gains in N m/rad and --set motor_strength=1, or with a known load"
+        why = "a simulator takes friction in N m, not over the motor strength k"
+        return f"{AGAIN} {gains}", f"Run: this again {gains}; {why}."
     what = "it" if record.holding_friction is None else "friction in motion, not at rest,"
-    return f"Run: stiction convert joints.json --to mujoco --model ROBOT.xml, which puts {what} into the model."
+    step = "stiction convert joints.json --to mujoco --model ROBOT.xml"
+    return step, f"Run: {step}, which puts {what} into the model."
 
 
 def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from stiction.files.following import DEFINITION, count_commands
 from stiction.files.results import DIRECTIONS, ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
+from stiction.report.evaluated import evaluation_glance
 from stiction.report.following import (
     SLOWEST_WALK,
     command_map,
@@ -29,6 +30,7 @@ from stiction.report.following import (
     result_cells,
     shade_following,
 )
+from stiction.report.glance import card
 from stiction.report.page import (
     INK,
     Section,
@@ -155,6 +157,12 @@ TITLE = "Speed over joint friction"
 MOVING = "moving"
 """Column that results.csv does not have; it comes from summary.json."""
 
+TRIPOD = "tripod"
+"""Column of one contact group on the ground, by its name for six feet."""
+
+GAITS = {4: "trot", 6: TRIPOD}
+"""Number of feet -> name of the gait in which one contact group is on the ground; no other robot has one."""
+
 UNITS = {
     "friction": "of τ_max",
     "command": "m/s, wz rad/s",
@@ -164,7 +172,7 @@ UNITS = {
     "falls": "% of episodes",
     "jitter": "rad/s²",
     "cost of transport": "1",
-    "tripod": "% of moving steps",
+    TRIPOD: "% of moving steps",
     "flight": "% of moving steps",
     MOVING: "% of steps",
     "steps passed": "steps",
@@ -197,11 +205,11 @@ DEFINITIONS = (
     ),
     ("cost of transport", "mechanical energy over weight times distance; a dash where the robot does not get away"),
     (
-        "tripod",
+        TRIPOD,
         "share of moving steps in which the feet on the ground are exactly one contact group, no foot more or less",
     ),
     ("flight", "share of moving steps with no foot on the ground; a dash where the robot does not move"),
-    (MOVING, "share of all steps in which the robot moves, what tripod and flight are shares of; none after a fall"),
+    (MOVING, "share of all steps in which the robot moves; none after a fall"),
 )
 """What the columns mean, in the order of the table."""
 
@@ -284,7 +292,8 @@ def write_evaluation(
         save_figure(figure, out / f"friction_budget.{kind}")
     page, shown = out / "report.html", sections(figure, rows, summary, samples)
     first = [*lead(rows).split("\n"), *onset_lines(summary.get("onset", {}))]
-    write_text(page, render_page(TITLE, shown, first, summary["warnings"], summary["command"]))
+    at_a_glance = card(replace(evaluation_glance(rows, summary), notes=()))
+    write_text(page, render_page(TITLE, shown, first, summary["warnings"], summary["command"], card=at_a_glance))
     return page
 
 
@@ -307,6 +316,8 @@ def sections(
     figure: Figure, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
 ) -> list[Section]:
     """Return the sections of the page: figure, training methods, table, definitions, what was run."""
+    feet = {policy.get("feet", 6) for policy in summary["policies"].values()}
+    gait = " or ".join(GAITS[count] for count in sorted(feet) if count in GAITS)
     maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
     found = [
         Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)),
@@ -318,7 +329,7 @@ def sections(
         found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [
         *found,
-        Section("Every row", (results_table(rows, summary["rows"]), definitions_table(rows))),
+        Section("Every row", (results_table(rows, summary["rows"], gait), definitions_table(rows, gait))),
         Section("What was run", run_blocks(summary)),
     ]
 
@@ -363,11 +374,11 @@ def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
     return figure_block(figure, f"{OVER_SEEDS if seeds else 'Mean over episodes.'} Below zero is the wrong way.")
 
 
-def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:
+def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = (), gait: str | None = None) -> Markup:
     """Return every row as a table.
 
     `details`: the same rows as in summary.json, for the share of moving steps and for the friction that a coefficient
-    came to; without them that column and those torques are left out.
+    came to; without them that column and those torques are left out. gait: heading of `TRIPOD`, see `_defined`.
     """
     lines = []
     for row, detail in zip(rows, details or [{}] * len(rows), strict=True):
@@ -381,21 +392,27 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
         lines.append(line)
     where = ["engine", "ground"] if _scenes(rows) != [DEFAULT] else []
     course = ["steps passed", "crossed"] if any(row.terrain != "flat" for row in rows) else []
-    measured = [name for name, _ in _defined(rows) if details or name != MOVING]
+    measured = [name for name, _ in _defined(rows, gait) if details or name != MOVING]
     header = ["policy", *where, "friction", "command", *measured, *course, "episodes"]
-    shown = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in header]
+    named = {TRIPOD: gait or TRIPOD}
+    shown = [f"{named.get(name, name)} [{UNITS[name]}]" if name in UNITS else name for name in header]
     return table(shown, [[line[name] for name in header] for line in lines], INTERVALS if details else "", grouped=True)
 
 
-def definitions_table(rows: Sequence[ResultRow]) -> Markup:
+def definitions_table(rows: Sequence[ResultRow], gait: str | None = None) -> Markup:
     """Return the meaning of the columns of every evaluation; rows: those of the table."""
-    return table(["column", "meaning"], _defined(rows))
+    meanings = [(gait or name if name == TRIPOD else name, meaning) for name, meaning in _defined(rows, gait)]
+    return table(["column", "meaning"], meanings)
 
 
-def _defined(rows: Sequence[ResultRow]) -> list[tuple[str, str]]:
-    """Return `DEFINITIONS`, without the slowest walk where no row knows it."""
-    told = tell_slowest_walk(rows)
-    return [(name, meaning) for name, meaning in DEFINITIONS if told or name != SLOWEST_WALK]
+def _defined(rows: Sequence[ResultRow], gait: str | None = None) -> list[tuple[str, str]]:
+    """Return `DEFINITIONS`, without the slowest walk where no row knows it, and a gait that no robot has.
+
+    gait: its name, empty where there is none; None: unknown, then it is left out where no row has its share.
+    """
+    has_gait = any(row.tripod_share is not None for row in rows) if gait is None else gait != ""
+    left_out = {SLOWEST_WALK: not tell_slowest_walk(rows), TRIPOD: not has_gait}
+    return [(name, meaning) for name, meaning in DEFINITIONS if not left_out.get(name, False)]
 
 
 def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:

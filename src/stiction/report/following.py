@@ -7,55 +7,20 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from rich.table import Table
-
 from stiction.core.records import header, texts
 from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
 from stiction.files.onset import Prediction
-from stiction.files.results import FOLLOWS, ResultRow, tell_slowest_walk
+from stiction.files.results import FOLLOWS, ResultRow
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
-from stiction.report.terminal import Terminal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod")
-"""Main columns of results."""
-
 SLOWEST_WALK = "slowest walk"
-"""One more, where a row has it."""
-
-
-def print_rows(rows: Sequence[ResultRow], limits: Mapping[str, str] | None = None) -> None:
-    """Print the main columns of results on standard output, a heading and a table for each policy.
-
-    limits: policy -> torque limits that its levels are shares of, where they are not the robot's.
-    """
-    console, lines = Terminal(), [result_cells(row) for row in rows]
-    columns = list(COLUMNS)
-    if tell_slowest_walk(rows):
-        columns.insert(columns.index("speed ratio") + 1, SLOWEST_WALK)
-    for policy in dict.fromkeys(row.policy for row in rows):
-        console.print(policy, style="bold", soft_wrap=True, highlight=False)
-        if of := (limits or {}).get(policy):
-            console.print(f"friction is a share of {of}", soft_wrap=True, highlight=False)
-        table = Table(collapse_padding=True)
-        named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
-        where = [name for name, values in named.items() if len(set(values)) > 1]
-        for name in where:
-            table.add_column(name, overflow="fold")
-        for name in columns:
-            # On a narrow terminal headings and words fold before commands and numbers do.
-            least = 1 if name == "pace" else max(len(line[name]) for line in lines)
-            left = name in ("command", "pace")
-            table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
-        for index, row in enumerate(rows):
-            if row.policy == policy:
-                table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in columns))
-        console.print(table)
+"""Column of results, where a row has it."""
 
 
 def onset_lines(onsets: Mapping[str, Mapping[str, Any]]) -> list[str]:

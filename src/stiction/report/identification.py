@@ -14,6 +14,7 @@ from stiction.core.provenance import num_threads
 from stiction.files.bam import load_joints
 from stiction.files.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, read_fit
 from stiction.identification.consistency import COMPARED, REPEAT
+from stiction.report.identified import identified_card, reservations
 from stiction.report.joints import (
     CONDITIONS,
     EXTRA,
@@ -27,7 +28,6 @@ from stiction.report.joints import (
     label,
     lead_lines,
     number,
-    remaining_warnings,
 )
 from stiction.report.page import (
     COLORS,
@@ -173,7 +173,8 @@ def write_identification_page(folder: Path, command: str = "") -> Path:
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    write_text(page, render_page(title, sections, lead_lines(joints, folder), remaining_warnings(joints), command))
+    lead, card = lead_lines(joints, folder), identified_card(joints, folder, command)
+    write_text(page, render_page(title, sections, lead, reservations(joints), command, card=card))
     return page
 
 

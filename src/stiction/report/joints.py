@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stiction.files.joints import ARMATURE, Estimate, JointRecord, JointsFile
+from stiction.report.glance import plus_minus
 
 EXTRA = ("static_friction", "gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
 """Quantities that are shown only where they were found."""
@@ -94,14 +95,14 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     """
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     lines = {
-        name: tuple(_in_folder(line, folder) for line in said)
+        name: tuple(in_folder(line, folder) for line in said)
         for name, record in found.items()
         if (said := record.diagnostics.get("verdict", {}).get("lines")) is not None
     }
     if len(joints.joints) == 1:
         return next(iter(lines.values()), ())
     bad = [name for name, record in found.items() if record.objections]
-    first = [_do_first(found, names) for names in _alike(found, bad)]
+    first = [_do_first(found, names) for names in alike(found, bad)]
     valid = {name: record for name, record in found.items() if name not in bad}
     ratios = {name: record.friction_ratio for name, record in valid.items() if record.friction_ratio is not None}
     count = f"{len(found)} of {len(joints.joints)} joints were identified"
@@ -116,7 +117,7 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
 
 
-def _in_folder(line: str, folder: Path | None) -> str:
+def in_folder(line: str, folder: Path | None) -> str:
     """Return a line of a verdict with the paths of the files that its command reads."""
     for word, file in (("--friction-from", "training.json"), ("stiction convert", "joints.json")):
         if folder is not None:
@@ -124,7 +125,7 @@ def _in_folder(line: str, folder: Path | None) -> str:
     return line
 
 
-def _alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
+def alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
     """Return the joints that are not valid, those together that have the same first reason and the same to do."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name in bad:
@@ -189,17 +190,6 @@ def shared_warnings(joints: JointsFile) -> list[str]:
     ]
 
 
-def own_warnings(joints: JointsFile) -> list[tuple[str, str]]:
-    """Return the warnings that one joint of several has alone, with its name; those of a refused one are shared."""
-    if len(joints.joints) == 1:
-        return []
-    return [
-        (names[0], text)
-        for text, names in gather_warnings(joints).items()
-        if len(names) == 1 and joints.joints[names[0]].diagnostics
-    ]
-
-
 def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
     """Return every warning once, with the joints that it concerns."""
     said: dict[str, list[str]] = {}
@@ -221,11 +211,8 @@ def grouped_warnings(joints: JointsFile) -> list[str]:
 
 
 def span(estimate: Estimate | None, factor: float = 1.0) -> str:
-    """Return `value ± half-width` of the 95 % interval, with three and two digits."""
-    if estimate is None:
-        return "not known"
-    low, high = estimate.interval95
-    return f"{factor * estimate.value:.3g} ± {factor * (high - low) / 2:.2g}"
+    """Return `plus_minus` of an estimate, or that there is none."""
+    return "not known" if estimate is None else plus_minus(estimate, factor)
 
 
 VALUE_COLUMNS = ("dry friction [N m]", "of limit [%]", "viscous [N m s/rad]", "per load [1]", "swings")

@@ -78,14 +78,14 @@ def marked(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
-def _block(name: str, *arguments: object) -> Markup:
+def render_block(name: str, *arguments: object) -> Markup:
     """Render one macro of `blocks.html`."""
     return Markup(getattr(_environment().get_template("blocks.html").module, name)(*arguments))
 
 
 def paragraph(text: str) -> Markup:
     """Return a paragraph of plain text."""
-    return _block("paragraph", text)
+    return render_block("paragraph", text)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", grouped: bool = False) -> Markup:
@@ -96,9 +96,9 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     cells = [list(row) for row in rows]
     words = [any(map(_is_word, column)) for column in zip_longest([""] * len(header), *cells, fillvalue="")]
     if not grouped:
-        return _block("table", header, [("", cells)], words, caption)
+        return render_block("table", header, [("", cells)], words, caption)
     groups = [(name, [line[1:] for line in own]) for name, own in groupby(cells, key=lambda line: line[0])]
-    return _block("table", header[1:], groups, words[1:], caption)
+    return render_block("table", header[1:], groups, words[1:], caption)
 
 
 def row_table(rows: Sequence[Any], caption: str = "", grouped: bool = False) -> Markup:
@@ -121,22 +121,22 @@ def picture(uri: str, caption: str = "", white: bool = False) -> Markup:
 
     white: a figure that `save_figure` drew on white: where the page is dark, its lightness is turned around.
     """
-    return _block("picture", uri, caption, caption.replace("`", ""), white)
+    return render_block("picture", uri, caption, caption.replace("`", ""), white)
 
 
 def row(*blocks: Markup) -> Markup:
     """Return blocks side by side where the window is wide enough."""
-    return _block("row", blocks)
+    return render_block("row", blocks)
 
 
 def bullets(texts: Sequence[str]) -> Markup:
     """Return warnings that concern one part of a page."""
-    return _block("bullets", texts)
+    return render_block("bullets", texts)
 
 
 def fold(title: str, blocks: Sequence[Markup], anchor: str = "") -> Markup:
     """Return blocks behind a title that opens them: for pages with many alike parts. anchor: to link to, `#E10`."""
-    return _block("fold", title, blocks, anchor)
+    return render_block("fold", title, blocks, anchor)
 
 
 def settings_table(settings: Mapping[str, Any]) -> Markup:
@@ -332,7 +332,7 @@ UNUSED = {
 
 def figure_block(figure: Figure, caption: str) -> Markup:
     """Return a figure as a block of a page; the caption is also its name to who cannot see it."""
-    return _block("drawing", Markup(figure_svg(figure)), caption, caption.replace("`", ""))
+    return render_block("drawing", Markup(figure_svg(figure)), caption, caption.replace("`", ""))
 
 
 FEWEST_LISTED = 3
@@ -355,16 +355,17 @@ def render_page(
     refresh: float = 0.0,
     opening: Sequence[Markup] = (),
     figure: Markup | None = None,
+    card: Markup | None = None,
 ) -> str:
     """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
 
     lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
     date: of the page, by default today; refresh: time after which a browser loads the page anew [s], 0: never; opening:
     blocks above the answer, side by side; in a narrow window all but the first come below it; figure: that shows the
-    answer, below it.
+    answer, below it; card: the answer at a glance, below which lead and warnings are folded away.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
-    shown = 1 if len(warnings) > MOST_WARNINGS else len(warnings)
+    shown = 1 if len(warnings) > MOST_WARNINGS and card is None else len(warnings)
     short = command if len(command) <= LONGEST_COMMAND else f"{command[:LONGEST_COMMAND].rsplit(' ', 1)[0]} …"
     drawn = f"Drawn on {date or datetime.now().astimezone().date().isoformat()}"
     return (
@@ -378,6 +379,7 @@ def render_page(
             made=drawn + (f"; what it shows was made by `{short}`." if command else "."),
             opening=opening,
             figure=figure,
+            card=card,
             lead=[line for line in lines if line],
             warnings=warnings[:shown],
             more=warnings[shown:],

@@ -13,6 +13,7 @@ from stiction.core.names import kind_of
 from stiction.files.bam import load_joints
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.walk import WalkFit, read_walk_fit
+from stiction.report.identified import identified_card
 from stiction.report.joints import (
     VALUE_CAPTION,
     VALUE_COLUMNS,
@@ -60,7 +61,9 @@ def write_walking_page(folder: Path, command: str = "") -> Path:
     ]
     page = folder / "report.html"
     title, warnings = "Joint friction from a walk", grouped_warnings(joints)
-    text = render_page(title, sections, lead_lines(joints, folder), warnings, command, figure=_clouds(joints, fit))
+    card = identified_card(joints, folder, command)
+    figure = _clouds(joints, fit)
+    text = render_page(title, sections, lead_lines(joints, folder), warnings, command, figure=figure, card=card)
     write_text(page, text)
     return page
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from stiction.core.effects import all_of, needs
-from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.errors import ConfigurationError, if_per_cent, unknown_name
 from stiction.core.flags import FLAG, Form, flag
 from stiction.files.method import Mixture, Stage, find_method, method_names
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
@@ -122,7 +122,8 @@ class FrictionCfg:
         number = isinstance(self.level, int | float) and not isinstance(self.level, bool)
         if self.level is not None and not (number and 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
-            raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
+            meant = if_per_cent(float(self.level)) if number and not has_coefficient(self.law) else ""
+            raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8){meant}")
         if has_coefficient(self.law) and self.compensation is not None:
             raise ConfigurationError(
                 f"the friction law {self.law!r} has no nominal torque that {self.method} could add; use another "

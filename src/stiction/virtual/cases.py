@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, check_once, unknown_name
+from stiction.core.errors import ConfigurationError, check_once, if_per_cent, unknown_name
 from stiction.engines.engine import JointFriction
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.robots.model import Robot
@@ -74,10 +74,11 @@ def parse_level(text: str) -> Level:
     except ValueError:
         # No comparison with NaN is true: the check below refuses it.
         share, load = math.nan, math.nan
+    meant = if_per_cent(share or 0.0)
     if not all(0 <= number <= MAX_LEVEL for number in (share or 0.0, load)):
         raise ConfigurationError(
             f"friction level {text!r} of a virtual robot: expected a fraction of the torque limit up to {MAX_LEVEL} or "
-            f"{BENCH!r}, with a load coefficient where wanted: 0.1, {BENCH}, {BENCH}+{LOAD:g}"
+            f"{BENCH!r}, with a load coefficient where wanted: 0.1, {BENCH}, {BENCH}+{LOAD:g}{meant}"
         )
     return Level(share, load)
 

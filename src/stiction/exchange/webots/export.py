@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction import __version__
-from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
+from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError, if_per_cent
 from stiction.core.files import publish
 from stiction.deploy.check import check_bundle
 from stiction.exchange.policies.exporter import Exported
@@ -188,6 +188,7 @@ class WebotsCfg:
         if not 0 <= self.friction_level <= MAX_LEVEL:
             raise ConfigurationError(
                 f"friction level {self.friction_level} is outside [0, {MAX_LEVEL}], fractions of the torque limit"
+                f"{if_per_cent(self.friction_level)}"
             )
         if not 0 < self.step_height <= STEEPEST["stairs"]:
             raise ConfigurationError(f"step height {self.step_height} m: expected one in (0, {STEEPEST['stairs']}] m")
