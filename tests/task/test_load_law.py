@@ -81,7 +81,7 @@ def test_effort_takes_it_as_it_is_joint_by_joint(regressor: str) -> None:
 def test_load_is_refused_where_its_ratio_changes_with_the_pose() -> None:
     """A Go2's thigh has 0.009 to 0.15 of its |F| + |T| about its axis as it stands: a range, and no level."""
     with pytest.raises(
-        ConfigurationError, match=r"no one coefficient of the law load on go2, but .* poses.*at most 25%"
+        ConfigurationError, match=r"not one coefficient of the law load on go2, but .* poses.*at most 25%"
     ):
         take_coefficients(every(record()), GO2, "load")
 

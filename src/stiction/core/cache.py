@@ -29,9 +29,9 @@ def key_of(inputs: Any, *code: str) -> str:
     `inputs`: everything it depends on apart from code and packages, plain data or frozen dataclasses; `code`: patterns
     of `fingerprint`; without any, code and packages do not count.
     """
-    everything = [inputs, fingerprint(*code) if code else None]
+    contents = [inputs, fingerprint(*code) if code else None]
     # The text of a frozen dataclass names every field: a field that is new, or has another value, makes another key.
-    return hashlib.sha256(json.dumps(everything, sort_keys=True, default=repr).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(contents, sort_keys=True, default=repr).encode()).hexdigest()
 
 
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:

@@ -21,24 +21,24 @@ def invert(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     elsewhere. Mask, bool, shape (P,): False for every unknown with a share in an undetermined direction of A, and for
     all where A is not finite.
     """
-    told = np.full(len(matrix), bool(np.isfinite(matrix).all()))
+    determined = np.full(len(matrix), bool(np.isfinite(matrix).all()))
     # With ones on the diagonal, or units would decide what counts as singular.
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    told &= np.abs(np.diag(matrix)) > SMALLEST_DIAGONAL
-    kept = np.flatnonzero(told)
-    while len(kept):
-        unit = matrix[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept])
+    determined &= np.abs(np.diag(matrix)) > SMALLEST_DIAGONAL
+    remaining = np.flatnonzero(determined)
+    while len(remaining):
+        unit = matrix[np.ix_(remaining, remaining)] / np.outer(scale[remaining], scale[remaining])
         _, sizes, directions = np.linalg.svd(unit)
         if sizes[-1] * LARGEST_CONDITION > sizes[0]:
             break
         # Of the unknowns in the open direction the one with the largest part goes, and the others are looked at again.
         parts = np.abs(directions[-1])
-        told[kept[parts > MIN_SHARE]] = False
-        kept = np.delete(kept, np.argmax(parts))
+        determined[remaining[parts > MIN_SHARE]] = False
+        remaining = np.delete(remaining, np.argmax(parts))
     inverse = np.zeros(matrix.shape)
-    if len(kept):
-        inverse[np.ix_(kept, kept)] = np.linalg.inv(unit) / np.outer(scale[kept], scale[kept])
-    return inverse, told
+    if len(remaining):
+        inverse[np.ix_(remaining, remaining)] = np.linalg.inv(unit) / np.outer(scale[remaining], scale[remaining])
+    return inverse, determined
 
 
 def check_condition(matrices: np.ndarray) -> None:

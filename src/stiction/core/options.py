@@ -91,25 +91,25 @@ def read_parsed(
     Raises as `read_options`.
     """
     table = entries(kind)
-    asked = [word for word in arguments if word in (*HELP, HELP_ALL)]
-    words = [word for word in arguments if word not in asked]
+    help_words = [word for word in arguments if word in (*HELP, HELP_ALL)]
+    words = [word for word in arguments if word not in help_words]
     rest = _without_list(words) if _has_settings(table) else words
     listed = len(rest) < len(words)
     try:
         parsed = _read(table, rest)
     except _Usage as wrong:
-        if not asked and not listed:
+        if not help_words and not listed:
             refuse(program, str(wrong))
         parsed = ParsedArguments()
     keys = {entry.path: entry.key for entry in table}
     base: Any = default({keys[path]: value for path, value in parsed.values.items()}) if callable(default) else default
-    if asked or listed:
+    if help_words or listed:
         shown, width = entries(kind, MISSING if base is None else base), min(WIDEST, shutil.get_terminal_size().columns)
-        if listed and not asked:
+        if listed and not help_words:
             print(settings_text(shown, program, width))
         else:
             shown += [SET, CONFIG] if _has_settings(shown) else []
-            brief = groups is not None and HELP_ALL not in asked
+            brief = groups is not None and HELP_ALL not in help_words
             print(help_text(shown, program, description, groups or {}, brief, width))
         raise SystemExit(0)
     missing = [entry for entry in table if _is_missing(entry, parsed.values)] if base is None else []

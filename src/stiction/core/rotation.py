@@ -117,8 +117,8 @@ def angle_between(first: np.ndarray, second: np.ndarray) -> float:
     """Return the angle of the rotation from one orientation to another."""
     # Since ‖R1 − R2‖ = √8 |sin(θ/2)|, small angles keep their digits; the arc cosine of a scalar product near 1 loses
     # half of them.
-    away = float(np.linalg.norm(matrix(first) - matrix(second)))
-    return 2.0 * math.asin(min(away / 8**0.5, 1.0))
+    distance = float(np.linalg.norm(matrix(first) - matrix(second)))
+    return 2.0 * math.asin(min(distance / 8**0.5, 1.0))
 
 
 def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:

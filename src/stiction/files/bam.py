@@ -137,7 +137,7 @@ def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
     law = record.friction_law or {}
     kind = law.get("law", "coulomb")
     origin = law["bam"] if isinstance(law.get("bam"), dict) else {}
-    kept = {field: number for field, number in origin.items() if is_number(number)}
+    numbers = {field: number for field, number in origin.items() if is_number(number)}
     if kind not in {*LAWS.values(), "load"} or law.get("over_strength"):
         raise FileError(f"record {name!r}: got the law {kind!r}, expected coulomb, stribeck, load or effort, in N m")
     chosen = {
@@ -159,17 +159,17 @@ def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
     static, load = record.static_friction, record.load_coefficient
     if static is not None and record.stribeck_velocity is None:
         raise FileError(f"record {name!r}: got friction at rest and no Stribeck velocity, expected both for BAM's m2")
-    written: dict[str, Any] = {field: kept[field] for field in ("kt", "R", "q_offset") if field in kept}
-    if not kept and record.torque_limit is not None:
+    written: dict[str, Any] = {field: numbers[field] for field in ("kt", "R", "q_offset") if field in numbers}
+    if not numbers and record.torque_limit is not None:
         written |= {"ratio": 1.0, "max_torque": record.torque_limit}
     written |= {"armature": armature.value, "friction_base": max(0.0, friction.value)}
     if static is not None and record.stribeck_velocity is not None:
         written["friction_stribeck"] = max(0.0, static.value - friction.value)
-        written |= {"dtheta_stribeck": record.stribeck_velocity.value, "alpha": kept.get("alpha", 2.0)}
+        written |= {"dtheta_stribeck": record.stribeck_velocity.value, "alpha": numbers.get("alpha", 2.0)}
     if load is not None:
         written["load_friction_base"] = max(0.0, load.value) / LOAD
         if static is not None:
-            written["load_friction_stribeck"] = kept.get("load_friction_stribeck", 0.0)
+            written["load_friction_stribeck"] = numbers.get("load_friction_stribeck", 0.0)
     written["friction_viscous"] = max(0.0, viscous.value)
     model = {(False, False): "m1", (True, False): "m2", (False, True): "m3", (True, True): "m4"}
     return written | {

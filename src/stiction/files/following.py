@@ -93,12 +93,12 @@ def judge_row(row: ResultRow) -> CommandVerdict | None:
     if not command.speed:
         excess["drifts"] = max(math.hypot(*row.mean_velocity[:2]), abs(row.mean_velocity[2])) - NEAR
     robots = [(ratio * command.speed, command.speed) for ratio in (row.slowest, row.fastest) if ratio is not None]
-    for reached, asked in (*zip(row.mean_velocity, command.velocity, strict=True), *robots):
-        if asked:
-            ratio = reached / asked
+    for reached, commanded in (*zip(row.mean_velocity, command.velocity, strict=True), *robots):
+        if commanded:
+            ratio = reached / commanded
             fault: Fault = "too slow" if ratio < 1.0 else "too fast"
-            outside = max(FOLLOWS[0] - ratio, ratio - FOLLOWS[1]) * abs(asked)
-            amount = min(abs(reached - asked) - NEAR, outside)
+            outside = max(FOLLOWS[0] - ratio, ratio - FOLLOWS[1]) * abs(commanded)
+            amount = min(abs(reached - commanded) - NEAR, outside)
         else:
             fault, amount = "drifts", abs(reached) - DRIFT if command.speed else -math.inf
         excess[fault] = max(amount, excess.get(fault, -math.inf))

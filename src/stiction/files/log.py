@@ -304,8 +304,8 @@ class Log:
         if name is not None and name in self.joints:
             return name, self.joints[name]
         none = f"no joint was chosen; known: {', '.join(self.joints)}"
-        asked = none if name is None else unknown_name("joint", name, self.joints)
-        raise LogError(f"{self.source}: {asked}; choose one with --joint")
+        cause = none if name is None else unknown_name("joint", name, self.joints)
+        raise LogError(f"{self.source}: {cause}; choose one with --joint")
 
     def setup_of(self, joint: str) -> LogSetup:
         """Return the setup of one joint: the log's, then the sidecar's for its kind, then for its name."""

@@ -323,8 +323,8 @@ def walk_log(log: RunLog) -> WalkLog:
     """
     rows, header = log.readings, log.header
     used = np.flatnonzero(_of_run(log))
-    away = np.abs(np.diff(rows["robot_time"][used]) / header.period - 1.0)
-    gaps = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
+    deviation = np.abs(np.diff(rows["robot_time"][used]) / header.period - 1.0)
+    gaps = np.flatnonzero((np.diff(used) != 1) | (deviation > LARGEST_JITTER)) + 1
     used = max(np.split(used, gaps), key=len)
     columns = {"specific_force": "acceleration", "joint_torque": "torque"}.items()
     optional = {name: rows[column][used] for name, column in columns if np.isfinite(rows[column][used]).all()}

@@ -67,7 +67,7 @@ class Command:
 
         velocity: mean of vx, vy [m/s] and wz [rad/s], shape (3,).
         """
-        return [reached / asked for reached, asked in zip(velocity, self.velocity, strict=True) if asked]
+        return [reached / commanded for reached, commanded in zip(velocity, self.velocity, strict=True) if commanded]
 
     @property
     def speed(self) -> float:

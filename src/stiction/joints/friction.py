@@ -191,15 +191,15 @@ class PositionDependent(FrictionLaw):
 
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return slope (θ − θ_m) + curvature (θ − θ_m)², no less than −b_c."""
-        away = position - self.middle
+        offset = position - self.middle
         # What is cut off would make the whole friction negative, and drive the joint.
-        return np.maximum(self.slope * away + self.curvature * away**2, -self.level)
+        return np.maximum(self.slope * offset + self.curvature * offset**2, -self.level)
 
     def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return slope + 2 curvature (θ − θ_m), zero where there is no friction."""
-        away = position - self.middle
-        positive = self.slope * away + self.curvature * away**2 > -self.level
-        return positive * (self.slope + 2 * self.curvature * away)
+        offset = position - self.middle
+        positive = self.slope * offset + self.curvature * offset**2 > -self.level
+        return positive * (self.slope + 2 * self.curvature * offset)
 
 
 def dead_band(level: float, kp: float) -> float:

@@ -105,8 +105,11 @@ class Regime:
             rate = decay * cos(apart * elapsed) - 0.5 * damping * impulse
         else:
             slow, fast = apart - 0.5 * damping, -apart - 0.5 * damping
-            kept, lost = exp(slow * elapsed), exp(fast * elapsed)
-            impulse, rate = 0.5 * (kept - lost) / apart, 0.5 * (slow * kept - fast * lost) / apart
+            slow_decay, fast_decay = exp(slow * elapsed), exp(fast * elapsed)
+            impulse, rate = (
+                0.5 * (slow_decay - fast_decay) / apart,
+                0.5 * (slow * slow_decay - fast * fast_decay) / apart,
+            )
         speed = rate + damping * impulse
         once = (1.0 - speed) / stiffness
         way = impulse + damping * once
@@ -306,21 +309,21 @@ class StickSlip:
                 )
             if pair not in self._regimes:
                 regime = Regime(*pair, self.step)
-                self._regimes[pair] = regime, self._asked(regime.free(len(self.target))) if regime.steady else None
+                self._regimes[pair] = regime, self._requested(regime.free(len(self.target))) if regime.steady else None
             motor = side * gains.torque_limit if side else kp * self.target
             drive = (motor + joint.push - sign * (law.level + joint.load_friction)) / joint.inertia
             fast = pieces[piece + 1].start if piece + 1 < len(pieces) else np.inf
             regime, free = self._regimes[pair]
             changes = regime.changes(drive)
-            course = None if free is None else self._asked(regime.stretch((0.0, 0.0), *changes), self.target)
+            course = None if free is None else self._requested(regime.stretch((0.0, 0.0), *changes), self.target)
             self._slidings[key] = _Sliding(regime, drive, *changes, course, free, law.start, fast)
         return self._slidings[key]
 
-    def _asked(self, motion: np.ndarray, target: np.ndarray | float = 0.0) -> np.ndarray:
+    def _requested(self, motion: np.ndarray, target: np.ndarray | float = 0.0) -> np.ndarray:
         """Return q, q' and the controller's torque [N m], (..., 3, num_samples), of q and q', (..., 2, num_samples)."""
         gains = self.gains
-        asked = gains.strength * (gains.kp * (target - motion[..., 0, :]) - gains.kd * motion[..., 1, :])
-        return np.concatenate([motion, asked[..., None, :]], axis=-2)
+        requested = gains.strength * (gains.kp * (target - motion[..., 0, :]) - gains.kd * motion[..., 1, :])
+        return np.concatenate([motion, requested[..., None, :]], axis=-2)
 
     def pull(self, samples: slice, position: float) -> np.ndarray:
         """Return the torque on a joint at rest at several samples, without friction [N m]."""
@@ -462,7 +465,7 @@ class StickSlip:
         end = index + min(length, regime.longest)
         if course is None or free is None:
             ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])
-            ahead = self._asked(ahead, self.target[index : end + 1])
+            ahead = self._requested(ahead, self.target[index : end + 1])
         else:
             ahead = course[:, index : end + 1]
             apart, faster, free = state[0] - ahead[0, 0], state[1] - ahead[1, 0], free[:, :, : ahead.shape[1]]

@@ -101,12 +101,12 @@ def _mass(robot: Robot) -> Iterator[Finding]:
 def _size(robot: Robot) -> Iterator[Finding]:
     """Check that lengths are metres, and that the base is above the feet."""
     far = max(robot.links, key=lambda link: float(np.linalg.norm(link.origin)))
-    away = float(np.linalg.norm(far.origin))
-    if not 0 < robot.standing_height < HIGHEST or away > HIGHEST:
+    distance = float(np.linalg.norm(far.origin))
+    if not 0 < robot.standing_height < HIGHEST or distance > HIGHEST:
         yield Finding(
             "size", "bad",
-            f"the base stands {robot.standing_height:.4g} m above the ground, {far.name} is {away:.4g} m from the link "
-            "before it; are lengths in millimetres, or the feet wrong?",
+            f"the base stands {robot.standing_height:.4g} m above the ground, {far.name} is {distance:.4g} m from the "
+            "link before it; are lengths in millimetres, or the feet wrong?",
             "feet: [...], base: NAME, or give the lengths of the file in metres",
         )  # fmt: skip
 

@@ -82,8 +82,8 @@ def _differences(robot: Robot, other: Robot, source: Source) -> Iterator[str]:
             yield f"joint {name!r} turns the other way: its axis is {_text(model_axis)}, the policy's {_text(axis)}"
         if np.abs(axis - model_axis).max() > AXIS:
             yield f"joint {name!r} has the axis {_text(model_axis)}, the policy's {_text(axis)}"
-        away = places[0][index] - places[1][position]
-        if np.abs(away).max() > PLACE:
+        deviation = places[0][index] - places[1][position]
+        if np.abs(deviation).max() > PLACE:
             got, wanted = _text(places[1][position]), _text(places[0][index])
             yield f"joint {name!r} is at {got} m at angles of zero, the policy's at {wanted} m"
         number = numbers[name]

@@ -92,9 +92,9 @@ def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
         return Body(mass, parts[0][0].com, parts[0][0].inertia, parts[0][0].shapes)
     inertia = np.zeros((3, 3))
     for (body, (_, rotation)), centre in zip(parts, centres, strict=True):
-        away = centre - com
+        offset = centre - com
         inertia += rotation @ body.inertia_matrix @ rotation.T
-        inertia += body.mass * (away @ away * np.eye(3) - np.outer(away, away))
+        inertia += body.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
     shapes = tuple(_moved(shape, place) for body, place in parts for shape in body.shapes)
     xx, yy, zz, xy, xz, yz = (float(inertia[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     return Body(float(mass), vector(com), (xx, yy, zz, xy, xz, yz), shapes)

@@ -38,9 +38,9 @@ def moved_inertia(robot: Robot, armature: np.ndarray) -> np.ndarray:
     model = build_model(robot)
     joints = slice(-robot.num_joints, None)
     model.dof_armature[joints] = armature
-    inverse, told = invert(standing_inertia(model))
-    if not told[joints].all():
-        name = robot.joint_names[int(np.argmin(told[joints]))]
+    inverse, determined = invert(standing_inertia(model))
+    if not determined[joints].all():
+        name = robot.joint_names[int(np.argmin(determined[joints]))]
         raise RobotError(f"joint {name!r} moves no inertia; give the bodies behind it a mass, or its rotor an armature")
     return 1.0 / np.diag(inverse)[joints]
 

@@ -168,12 +168,12 @@ def slope_height(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 def slab_height(points: np.ndarray, position: np.ndarray, quaternion: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the height of level slabs at points (N, P, 2); their places (N, S, 3), yaw (N, S, 4), sizes (S, 3)."""
-    away = points[:, :, None] - position[:, None, :, :2]
+    offset = points[:, :, None] - position[:, None, :, :2]
     # Of a rotation about z alone, (w, 0, 0, z).
     cosine = 1.0 - 2.0 * quaternion[:, None, :, 3] ** 2
     sine = 2.0 * quaternion[:, None, :, 0] * quaternion[:, None, :, 3]
-    along = np.abs(cosine * away[..., 0] + sine * away[..., 1])
-    across = np.abs(cosine * away[..., 1] - sine * away[..., 0])
+    along = np.abs(cosine * offset[..., 0] + sine * offset[..., 1])
+    across = np.abs(cosine * offset[..., 1] - sine * offset[..., 0])
     top = position[:, None, :, 2] + half[:, 2]
     return np.where((along <= half[:, 0]) & (across <= half[:, 1]), top, 0.0).max(-1)
 

@@ -119,10 +119,10 @@ class TorchFleet(Worlds):
         stream = torch.cuda.current_stream(self.task_device)
         if stream.cuda_stream not in self._streams:
             self._streams[stream.cuda_stream] = wp.stream_from_torch(stream)
-        ours, theirs = self._device.stream, self._streams[stream.cuda_stream]
-        ours.wait_stream(theirs)
+        warp_stream, torch_stream = self._device.stream, self._streams[stream.cuda_stream]
+        warp_stream.wait_stream(torch_stream)
         self._launch(what, work)
-        theirs.wait_stream(ours)
+        torch_stream.wait_stream(warp_stream)
 
     def _choose(self, which: torch.Tensor) -> torch.Tensor:
         """Give the worlds `which` the key 0, all others none; return their mask."""

@@ -68,12 +68,12 @@ class Stand:
         fleet.base_position[:, 2] += 1.0
         fleet.simulation.expand("opt.disableflags")[:] |= FREE
         fleet.clamp(~np.eye(joints, dtype=bool), base=range(BASE_DOFS))
-        everyone = np.arange(joints)
+        all_robots = np.arange(joints)
         fleet.set_targets(fleet.standing + np.diag(self.steps))
-        motion = [fleet.joint_position[everyone, everyone] - fleet.standing]
+        motion = [fleet.joint_position[all_robots, all_robots] - fleet.standing]
         for _ in range(round(BENCH_SECONDS / fleet.timestep)):
             fleet.substep()
-            motion.append(fleet.joint_position[everyone, everyone] - fleet.standing)
+            motion.append(fleet.joint_position[all_robots, all_robots] - fleet.standing)
         return np.array(motion).T
 
     def joint_formula(

@@ -177,9 +177,9 @@ class LocomotionEnv(VecEnv):
         self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(task_device)
         self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=task_device)
         self.first_side = torch.ones(num_envs, 1, device=task_device)
-        everyone = torch.ones(num_envs, dtype=torch.bool, device=task_device)
-        self._reset(self._which(everyone))
-        self._observation = self._observe(everyone)
+        all_robots = torch.ones(num_envs, dtype=torch.bool, device=task_device)
+        self._reset(self._which(all_robots))
+        self._observation = self._observe(all_robots)
 
     def _make_robots(self, device: Device, threads: int, actuator: ActuatorNet | None) -> TaskFleet:
         """Build the fleet: on the device if it has one, else on the host."""
@@ -330,9 +330,9 @@ class LocomotionEnv(VecEnv):
         # Infinite at a command of zero, which neither of the masks lets through.
         ratio = snapshot.linear_velocity[:, 0] / command
         backward, forward = self.cfg.commands.forward
-        for name, sign, asked in (("forward", 1.0, forward), ("backward", -1.0, -backward)):
+        for name, sign, commanded in (("forward", 1.0, forward), ("backward", -1.0, -backward)):
             # Where nobody is asked to go there is no ratio: one of 0 would say that they do not walk.
-            if asked > RATIO_FROM:
+            if commanded > RATIO_FROM:
                 mask = sign * command > RATIO_FROM
                 log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
         if any(law.spec.reads for law in self.cfg.friction.laws):
@@ -360,7 +360,7 @@ class LocomotionEnv(VecEnv):
             "proprioception": frame,
             "history": self.history.push(frame, fresh),
             "privileged": self.randomizer.privileged(),
-            "explicit": torch.cat([term(self) for term, asked in ESTIMATED if asked(self.cfg)], -1),
+            "explicit": torch.cat([term(self) for term, is_estimated in ESTIMATED if is_estimated(self.cfg)], -1),
             **elevation,
         }
         return self._to_networks(groups)

@@ -212,7 +212,7 @@ def host_reason(task: TaskCfg, netted: bool = False) -> str | None:
         "an Actuator Net": netted,
         f"the method {method.name!r}": method.acts_on_fleet,
     }
-    return " and ".join(name for name, asked in lacking.items() if asked) or None
+    return " and ".join(name for name, is_used in lacking.items() if is_used) or None
 
 
 def find_device(name: str, contacts: int, gpu: int = 0, on_host: bool = True) -> Device:

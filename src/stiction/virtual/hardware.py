@@ -167,13 +167,13 @@ class Gears:
         free_angle = self.angle + self.velocity * step + 0.5 * acceleration * step**2
         free_velocity = self.velocity + acceleration * step
         transmitted = torque - self._inertia * (velocity - self.velocity) / step
-        away = free_angle - position
+        lead = free_angle - position
         # Teeth that have just parted are still at the edge of the gap; only those that move outward meet.
-        closing = away * (free_velocity - velocity) >= 0
-        hit = ~engaged & (np.abs(away) >= self._half) & closing
+        closing = lead * (free_velocity - velocity) >= 0
+        hit = ~engaged & (np.abs(lead) >= self._half) & closing
         parted = engaged & (self._half > 0) & (self.side * transmitted < 0)
         # Teeth that part begin where they were; teeth that meet keep the rotor's velocity until the next step.
-        side = np.where(hit, np.where(away >= 0, 1, -1), self.side)
+        side = np.where(hit, np.where(lead >= 0, 1, -1), self.side)
         self.angle = np.where(engaged | hit, position + side * self._half, free_angle)
         self.angle = np.where(self._half > 0, self.angle, position)
         self.velocity = np.where(engaged, velocity, free_velocity)

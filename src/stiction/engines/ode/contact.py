@@ -174,8 +174,8 @@ class OdeContacts:
         """Return the velocity of the first body at a contact relative to the second, along the surface [m/s]."""
         pairs = zip(self._velocity(point, first), self._velocity(point, second), strict=True)
         relative, normal = [a - b for a, b in pairs], point.normal[:3]
-        away = sum(a * b for a, b in zip(relative, normal, strict=True))
-        return [part - away * direction for part, direction in zip(relative, normal, strict=True)]
+        normal_speed = sum(a * b for a, b in zip(relative, normal, strict=True))
+        return [part - normal_speed * direction for part, direction in zip(relative, normal, strict=True)]
 
     def _velocity(self, point: c.ContactPoint, body: int | None) -> list[float]:
         """Return the velocity of a body at a contact [m/s]; the ground's is zero."""
