@@ -56,7 +56,7 @@ def test_a_log_of_another_walk_is_not_written_over(tmp_path: Path, capsys: pytes
     before = log.read_bytes()
     capsys.readouterr()
     assert main(other) == 1
-    assert f"{log} is there, of another walk; choose another --log" in capsys.readouterr().err
+    assert f"{log} exists already, of another walk; choose another --log" in capsys.readouterr().err
     assert log.read_bytes() == before
     assert main([*arguments, "--out", str(tmp_path / "again")]) == 0, "the same walk is the same log"
     assert main([*other, "--overwrite"]) == 0

@@ -1,4 +1,4 @@
-"""Clips: rendered where OpenGL is there, and a clear word where it is not."""
+"""Clips: rendered with OpenGL, and a clear error without it."""
 
 import re
 from pathlib import Path
@@ -32,7 +32,7 @@ def test_a_clip_shows_robots_that_move(bundle: Path, tmp_path: Path) -> None:
 def test_without_opengl_the_error_says_what_to_install(
     bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A failing renderer must cost the clip and nothing else."""
+    """A failing renderer ends the clip with a clear error."""
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(ClipError, match="libegl1"):
         record_side_by_side([bundle], ["toy"], ["#2060a0"], 0.0, "vx=0.5", tmp_path / "clip.webp")

@@ -1,4 +1,4 @@
-"""By which code a result counts: what decides a walk is in its key, and what only carries it is not."""
+"""Code in the keys of walks: modules that determine a walk are in its key, modules that only transport it are not."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stiction.virtual.bench import BENCH_CODE
 from stiction_experiments.wear.run import WEARING
 
 TRAINED = (*RUN_WALK_CODE, "stiction_experiments:lab/trained.py")
-"""Code of the walks of a run's policies, with what an experiment does with them."""
+"""Code of the walks of a run's policies, including the experiment's use of them."""
 
 BY_FILE = {name: path for path, name in NAMES.items()}
 """Path below the package -> module."""
@@ -45,7 +45,7 @@ READING = {
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
 
 CHECKING = {f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators", "plausibility")}
-"""Code that refuses a policy or a command, or lets it walk as it is."""
+"""Code that rejects a policy or a command, or passes it unchanged."""
 
 WEAR = {"files/wear.py", "deploy/wear.py"}
 """The monitor, which only listens."""
@@ -114,13 +114,13 @@ def counted(code: tuple[str, ...]) -> set[str]:
     ],
 )
 def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], known: set[str]) -> None:
-    """A change of the random streams, or of how gains are read, would pass for the old results."""
+    """A change of the random streams, or of how gains are read, changes the key."""
     assert sorted(imported(start) - counted(code) - known) == []
 
 
 @pytest.mark.parametrize("code", [WALK_CODE, RUN_WALK_CODE, WEARING, BENCH_CODE])
 def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
-    """A file that was renamed would no longer count, and nobody would see it."""
+    """Every named file exists: a renamed file would silently leave the keys."""
     assert [pattern for pattern in code if not source_files(pattern)] == []
 
 
@@ -133,5 +133,5 @@ def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
     ],
 )
 def test_what_is_known_to_decide_walks_counts(code: tuple[str, ...], files: tuple[str, ...]) -> None:
-    """Start poses and sensor noise, observations, actions, friction: a change of one is another walk."""
+    """A change of start poses, sensor noise, observations, actions or friction changes the key."""
     assert sorted({*files} - counted(code)) == []

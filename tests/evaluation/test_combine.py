@@ -29,7 +29,7 @@ def walks(seed: int = 0, steps: int = 200, robots: int = 3) -> Recording:
 
 
 def test_episodes_combine_to_what_all_of_them_measure() -> None:
-    """Engines that walk one robot at a time would be judged by another rule than those that walk all at once."""
+    """Episodes measured one by one combine to the metrics of the whole batch."""
     recording = walks()
     whole = asdict(measure(recording, COMMAND, GROUPS, WEIGHT))
     episodes = [measure(recording.of(slice(e, e + 1)), COMMAND, GROUPS, WEIGHT) for e in range(3)]
@@ -39,7 +39,7 @@ def test_episodes_combine_to_what_all_of_them_measure() -> None:
 
 
 def test_a_fall_counts_as_in_a_batch() -> None:
-    """A walk that ends with its fall is drawn out: speed zero from then on, and one of two has fallen."""
+    """A walk that ends with its fall counts with zero speed from then on, and one of two robots has fallen."""
     recording = walks(robots=2)
     recording.upright[80:, 1] = False
     whole = measure(recording, COMMAND, GROUPS, WEIGHT)

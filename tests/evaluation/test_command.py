@@ -19,14 +19,14 @@ from stiction.files.velocity import parse_command
     ],
 )
 def test_labels_and_velocities(text: str, label: str, velocity: tuple) -> None:
-    """Equal commands must have equal names in the results."""
+    """Equal commands have equal labels in the results."""
     command = parse_command(text)
     assert (command.label, command.velocity) == (label, velocity)
 
 
 @pytest.mark.parametrize("text", ["", "0.5", "vx", "vx=", "vx=nan", "vx=inf", "x=0.5", "vx=1,vx=2", "vx=0.5;vy=1"])
 def test_what_is_not_understood_is_refused(text: str) -> None:
-    """A command that is silently dropped would be evaluated as standing."""
+    """Rejects an unknown command."""
     with pytest.raises(StictionError, match="not understood"):
         parse_command(text)
 

@@ -18,7 +18,7 @@ def test_a_course_is_called_what_it_was_typed_as(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["stairs", "stairs=0.5", "stairs=-0.1", "stairs=high", "flat=0.1", "ice=0.1", ""])
 def test_what_nobody_built_is_refused(text: str) -> None:
-    """Stairs of half a metre would be a wall."""
+    """Rejects unknown courses and sizes beyond the steepest, such as stairs of half a metre."""
     with pytest.raises(StictionError, match=r"expected flat, slope=SIZE|unknown terrain .*known: flat|has no size"):
         parse_course(text)
 
@@ -31,7 +31,7 @@ def test_the_time_for_a_crossing_follows_the_commanded_speed() -> None:
 
 
 def test_who_walks_around_the_landing_has_crossed_a_slope_but_no_stairs() -> None:
-    """Robot 0 goes over the landing, robot 1 beside it, robot 2 over it and falls before the end."""
+    """Robot 0 passes over the landing, robot 1 around it; robot 2 passes over it and falls before the end."""
     along = np.array([-REACH - 0.1, -REACH + TREAD + 0.1, 0.0, LANDING + TREAD + 0.1, REACH + FINISH_MARGIN + 0.1])
     position, upright = np.zeros((5, 3, 2)), np.ones((5, 3), bool)
     position[..., 0] = along[:, None]
@@ -45,7 +45,7 @@ def test_who_walks_around_the_landing_has_crossed_a_slope_but_no_stairs() -> Non
 
 
 def test_all_robots_stand_before_the_same_rough_ground() -> None:
-    """Policies would be compared on different slabs, and so would engines, whose ground is made by the same seed."""
+    """All policies and engines of one seed meet the same slabs."""
     from stiction.engines.ground import course
 
     terrain = Course("rough", 0.1).terrain(3, seed=5)

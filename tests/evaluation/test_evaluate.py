@@ -1,4 +1,4 @@
-"""Evaluation: rows for every level and command, reproducible, and refusing what makes no sense."""
+"""Evaluation: rows for every level and command, reproducible; rejects invalid conditions."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,12 +26,12 @@ def checked(bundle: Path) -> Bundle:
 
 
 def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
-    """A figure needs all of them, once."""
+    """Rows have every level and command once, in order."""
     result = evaluate_bundle(checked, SHORT)
-    found = [(row.friction_level, row.command, row.episodes, row.policy) for row in result.rows]
+    labels = [(row.friction_level, row.command, row.episodes, row.policy) for row in result.rows]
     expected = [(level, command, 2, "toy") for level in (0.0, 0.3) for command in ("vx=0.5", "vx=-0.5")]
-    assert found == expected
-    assert [set(metrics.beside) for metrics in result.metrics] == [
+    assert labels == expected
+    assert [set(metrics.summary_only) for metrics in result.metrics] == [
         {"group_share", "moving_share", "mean_friction", "crossed"}
     ] * 4
 
@@ -41,16 +41,16 @@ def test_a_law_is_evaluated_whatever_the_policy_was_trained_with(checked: Bundle
     torques = [metrics.mean_friction for metrics in evaluate_bundle(checked, SHORT).metrics]
     assert torques == pytest.approx([0.0, 0.0, 9.5, 9.5])
     cfg = replace(SHORT, friction_law="load", friction_levels=(0.0, 0.05), commands=("vx=0.5",))
-    found = evaluate_bundle(checked, cfg)
-    assert {row.friction_law for row in found.rows} == {"load"}
-    none, some = (metrics.mean_friction or 0.0 for metrics in found.metrics)
+    result = evaluate_bundle(checked, cfg)
+    assert {row.friction_law for row in result.rows} == {"load"}
+    none, some = (metrics.mean_friction or 0.0 for metrics in result.metrics)
     assert none == 0.0 and 1.0 < some < 6.0
     walk = record_walks(checked, cfg, RecordCfg(robots=1, seconds=1.0))[1]
     assert (walk.law, walk.file_name) == ("load", "load-0.05--vx=0.5--0.npz")
 
 
 def test_a_policy_that_lies_down_falls(tmp_path: Path) -> None:
-    """Falls must be seen: this network folds the shanks as far as they go."""
+    """A network that folds the shanks as far as they go counts as fallen."""
     contract = make_contract()
     weights = np.zeros((contract.observation.size, 18), np.float32)
     command = 10 * contract.observation.frame_size + 6

@@ -33,11 +33,11 @@ def recorded() -> tuple[Contract, bytes, Golden]:
 
 
 def test_a_new_recording_exercises_every_limit(recorded: tuple[Contract, bytes, Golden]) -> None:
-    """A clip that nothing reaches may be any number, and the replay agrees: older recordings reach none."""
+    """A new recording reaches every clip and limit; older recordings reach none."""
     contract, model, golden = recorded
-    found = exercise_of(golden, contract)
-    assert found.missed == () and found.reached == (*CLIPS, "clip of the action", "torque limit")
-    assert found.resets >= 3 and found.rolls_over
+    exercise = exercise_of(golden, contract)
+    assert exercise.missed == () and exercise.reached == (*CLIPS, "clip of the action", "torque limit")
+    assert exercise.resets >= 3 and exercise.rolls_over
     # A reset in the middle fills the history with the frame of that step.
     frames = golden.observation.reshape(len(golden), contract.observation.history_length, -1)
     after = np.flatnonzero(golden.reset)[1:]
@@ -48,7 +48,7 @@ def test_a_new_recording_exercises_every_limit(recorded: tuple[Contract, bytes, 
 
 @pytest.mark.parametrize("change", [*CLIPS[:1], *CLIPS[2:], "action", "torque", "fill"])
 def test_another_clip_does_not_pass(recorded: tuple[Contract, bytes, Golden], tmp_path: Path, change: str) -> None:
-    """Each of these passed: what was recorded on a walk is the same with any clip that the walk does not reach."""
+    """A replay with another clip fails: every clip is reached by the recording."""
     contract, model, golden = recorded
     terms = tuple(
         replace(term, clip=1.1 * term.clip) if term.name in change else term for term in contract.observation.terms
@@ -68,7 +68,7 @@ def test_another_clip_does_not_pass(recorded: tuple[Contract, bytes, Golden], tm
 
 
 def test_made_up_readings_are_marked_and_few(recorded: tuple[Contract, bytes, Golden]) -> None:
-    """What plays a recording on a machine has to leave them out; and a recording is of a walk."""
+    """Extreme readings are marked, so that a replay on a machine can leave them out, and are few."""
     contract, _, golden = recorded
     assert golden.walked is not None and not golden.walked[STEPS:].any() and golden.walked[:STEPS].all()
     assert len(golden) == STEPS + EXTREME_STEPS

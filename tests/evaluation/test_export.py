@@ -1,4 +1,4 @@
-"""Export: the network survives the way through ONNX, the contract says what was trained, and nothing leaks."""
+"""Export: the network is unchanged by ONNX, the contract describes the training, and no private data leaves."""
 
 import json
 from dataclasses import replace
@@ -57,7 +57,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> BundleCheck:
 
 
 def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract, exported: BundleCheck) -> None:
-    """A batch frozen at export would only show on the first robot."""
+    """The exported network computes torch's actions for any batch size."""
     module = make_module(contract)
     network = Network(exported.bundle.policy, contract.observation.size, 18)
     for batch in (1, 3):
@@ -67,7 +67,7 @@ def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract, 
 
 
 def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract, exported: BundleCheck) -> None:
-    """Export ends with the check that a user will run."""
+    """Export ends with the check that a user runs."""
     assert exported.steps >= 500
     assert exported.bundle.contract == contract
     assert exported.bundle.card == write_card(contract)
@@ -77,7 +77,7 @@ def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract,
 
 
 def test_an_export_that_fails_leaves_no_folder(tmp_path: Path, contract: Contract) -> None:
-    """An operator that no bundle has is found when the bundle is checked: the same command can be given again."""
+    """A bundle with an unsupported operator fails its check and leaves no folder; the same command can be repeated."""
     module = torch.nn.Sequential(make_module(contract), torch.nn.Softmax(dim=-1))
     with pytest.raises(BundleError, match="operator 'Softmax'"):
         export_policy(module, contract, tmp_path / "toy")
@@ -111,19 +111,19 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
 
 
 def test_the_trained_commands_are_those_of_the_courses_too() -> None:
-    """A robot on stairs was commanded along them, and one that was also told to stand may be."""
+    """The command range contains the commands on courses, and standing."""
     task = TaskCfg(
         terrain=TerrainCfg("stairs", speed=(0.3, 1.1)), commands=CommandCfg((0.2, 0.8), (0.1, 0.3), (-0.1, 0.1))
     )
-    found = contract_of(TrainCfg(task=task), HEADER).command_range
-    assert found == {"forward": (0.0, 1.1), "sideways": (0.0, 0.3), "turn": (-0.6, 0.6)}
+    command_range = contract_of(TrainCfg(task=task), HEADER).command_range
+    assert command_range == {"forward": (0.0, 1.1), "sideways": (0.0, 0.3), "turn": (-0.6, 0.6)}
     flat = replace(task, terrain=TerrainCfg(), commands=replace(task.commands, standing_share=0.0))
-    found = contract_of(TrainCfg(task=flat), HEADER).command_range
-    assert found == {"forward": (0.2, 0.8), "sideways": (0.1, 0.3), "turn": (-0.1, 0.1)}
+    command_range = contract_of(TrainCfg(task=flat), HEADER).command_range
+    assert command_range == {"forward": (0.2, 0.8), "sideways": (0.1, 0.3), "turn": (-0.1, 0.1)}
 
 
 def test_a_coefficient_is_exported_as_one() -> None:
-    """Not as a share of the torque limit, in the contract and on the card; Stribeck friction goes with its shape."""
+    """A coefficient is no share of the torque limit in contract and card; Stribeck friction keeps its shape."""
     friction = FrictionCfg("direct", 0.05, "load")
     contract = contract_of(TrainCfg(task=TaskCfg(friction=friction)), HEADER)
     assert (contract.friction_law, contract.friction_level, contract.friction) == ("load", 0.05, (0.05,) * 18)
@@ -139,7 +139,7 @@ def test_a_coefficient_is_exported_as_one() -> None:
 
 
 def test_a_rise_that_was_drawn_goes_with_the_policy() -> None:
-    """The middle as its law, the ends in words and settings; a contract whose middle is another is refused."""
+    """The law has the middle of the range, words and settings its ends; another middle is rejected."""
     shaped = FrictionCfg(level=0.1, law="stribeck", static_ratio=(1.2, 2.0), stribeck_velocity=(0.05, 0.15))
     contract = contract_of(TrainCfg(task=TaskCfg(friction=shaped)), HEADER)
     read = read_contract(contract.to_json().encode())
@@ -156,24 +156,24 @@ TOLD = TrainCfg(task=TaskCfg(friction=FrictionCfg("deception", 0.2), known_frict
 
 
 def bench(folder: Path, **joints: JointRecord) -> Path:
-    """Write what a bench found."""
+    """Write the joints.json of a bench."""
     JointsFile(joints).write(folder / "joints.json")
     return folder / "joints.json"
 
 
-def found(friction: float | None) -> JointRecord:
-    """A joint of which the friction is known [N m], or nothing."""
+def record(friction: float | None) -> JointRecord:
+    """Return a record with a known friction [N m], or none."""
     return JointRecord(coulomb_friction=None if friction is None else Estimate(friction, 0.1, (0.0, 9.0)))
 
 
 def test_a_policy_that_is_told_its_friction_is_exported_with_a_number(tmp_path: Path) -> None:
-    """The nominal friction of training until a robot has been on its bench; then 1 of 25 N m, 2 of 25, 9 of 45."""
+    """The contract has the nominal friction of training until a bench replaces it: 1 of 25 N m, 2 of 25, 9 of 45."""
     contract = contract_of(TOLD, HEADER)
     assert contract.observes_friction and contract.known_friction == pytest.approx(
         {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
     )
     assert "| hip 20 %, thigh 20 %, shank 20 % of the torque limit, from the nominal friction" in write_card(contract)
-    path = bench(tmp_path, hip=found(1.0), thigh=found(2.0), shank=found(9.0))
+    path = bench(tmp_path, hip=record(1.0), thigh=record(2.0), shank=record(9.0))
     told = with_bench(contract, path)
     assert told.known_friction == pytest.approx({"hip": 0.04, "thigh": 0.08, "shank": 0.2})
     assert told.known_friction_file is not None and told.known_friction_file["name"] == "joints.json"
@@ -182,12 +182,12 @@ def test_a_policy_that_is_told_its_friction_is_exported_with_a_number(tmp_path: 
 
 
 def test_a_bench_that_has_no_effect_is_refused(tmp_path: Path, contract: Contract) -> None:
-    """For a policy that is told nothing, and where the file says nothing of this robot."""
-    path = bench(tmp_path, hip=found(1.0))
+    """Rejects a bench for a policy that observes no friction, and a file without joints of this robot."""
+    path = bench(tmp_path, hip=record(1.0))
     with pytest.raises(StictionError, match=r"policy trained with --task\.known-friction"):
         with_bench(contract, path)
-    with pytest.raises(StictionError, match="has elbow, and no friction of FL_hip, FL_thigh, FL_shank"):
-        with_bench(contract_of(TOLD, HEADER), bench(tmp_path, elbow=found(1.0)))
+    with pytest.raises(StictionError, match="has joints elbow, expected FL_hip, FL_thigh, FL_shank"):
+        with_bench(contract_of(TOLD, HEADER), bench(tmp_path, elbow=record(1.0)))
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
@@ -195,13 +195,13 @@ def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
     cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg(level=None)))
     assert contract_of(cfg, HEADER).friction_level == pytest.approx((0.01 + 0.01 + 0.442 / 45) / 3)
     identified = {"file": "joints.json", "sha256": "0" * 64, "values": {"frictionloss": [None, None, 0.9] * 6}}
-    found = contract_of(cfg, HEADER | {"identified": identified})
-    assert found.friction_level == pytest.approx((0.01 + 0.01 + 0.02) / 3)
-    assert found.friction == pytest.approx((0.25, 0.25, 0.9) * 6)
+    contract = contract_of(cfg, HEADER | {"identified": identified})
+    assert contract.friction_level == pytest.approx((0.01 + 0.01 + 0.02) / 3)
+    assert contract.friction == pytest.approx((0.25, 0.25, 0.9) * 6)
 
 
 def test_the_contract_has_the_joints_of_training() -> None:
-    """Identified where there is a value, the robot's own where there is null; the level overrides dry friction."""
+    """Identified values replace the robot's own, null keeps them; the level overrides dry friction."""
     spec = find_robot("saturn_lite")
     values = {"armature": [0.02, None, None] * 6, "damping": [None, 0.3, None] * 6, "frictionloss": [0.9] * 18}
     identified = {"file": "joints.json", "sha256": "0" * 64, "values": values}
@@ -213,7 +213,7 @@ def test_the_contract_has_the_joints_of_training() -> None:
 
 
 def test_the_golden_vectors_are_those_of_torch(contract: Contract, exported: BundleCheck) -> None:
-    """The network of the bundle is replayed against the module, not against itself: a tampered export must show."""
+    """The bundle's network is replayed against the torch module; a tampered export fails."""
     golden = exported.bundle.golden
     actions = make_module(contract)(torch.from_numpy(golden.observation)).detach().clamp(-4.0, 4.0).numpy()
     np.testing.assert_allclose(golden.action, actions, atol=1e-6)
@@ -222,7 +222,7 @@ def test_the_golden_vectors_are_those_of_torch(contract: Contract, exported: Bun
 def test_an_export_that_changes_the_network_is_refused(
     contract: Contract, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A converter that computes something else, here a thousandth more, must not pass the check."""
+    """Rejects an export whose actions are off by a thousandth."""
     module = make_module(contract)
     other = make_module(contract)
     with torch.no_grad():
@@ -235,7 +235,7 @@ def test_an_export_that_changes_the_network_is_refused(
 
 @pytest.mark.parametrize(("iteration", "summary"), [(None, False), (50, False), (50, True), (80, False)])
 def test_a_run_that_is_not_finished_is_refused(tmp_path: Path, iteration: int | None, summary: bool) -> None:
-    """A half-trained student walks badly and looks like a result."""
+    """Rejects a run without summary.json."""
     cfg = TrainCfg(student=StudentCfg(iterations=80))
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
     if iteration is not None:

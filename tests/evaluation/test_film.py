@@ -1,4 +1,4 @@
-"""Clips of a training run: made beside it, and lost without harm."""
+"""Clips of a training run: rendered in another process, and lost without harm."""
 
 import sys
 from pathlib import Path
@@ -31,16 +31,16 @@ def renderer(tmp_path: Path, script: str) -> str:
 
 
 def test_a_lost_clip_costs_one_line_and_no_more_tries(tmp_path: Path, checkpoint: Path, monkeypatch) -> None:
-    """Without OpenGL every clip would fail the same way; the training must not notice."""
+    """A failed renderer prints one line and is not started again; the training continues."""
     monkeypatch.setattr(sys, "executable", renderer(tmp_path, f"echo x >> {tmp_path}/tries; echo no GL >&2; exit 1"))
-    said: list[str] = []
-    crew = ClipRecorder(tmp_path / "run", said.append)
+    lines: list[str] = []
+    crew = ClipRecorder(tmp_path / "run", lines.append)
     (tmp_path / "run").mkdir()
     crew("teacher", 100, checkpoint)
     crew.finish()
     crew("teacher", 200, checkpoint)
     crew.finish()
-    assert len(said) == 1 and "no GL" in said[0] and "--video-every 0" in said[0]
+    assert len(lines) == 1 and "no GL" in lines[0] and "--video-every 0" in lines[0]
     assert (tmp_path / "tries").read_text() == "x\n"
 
 
@@ -51,21 +51,21 @@ def test_the_newest_checkpoint_waits_for_a_slow_clip(tmp_path: Path, checkpoint:
     """
     go = tmp_path / "go"
     monkeypatch.setattr(sys, "executable", renderer(tmp_path, f'until [ -e {go} ]; do sleep 0.02; done; cp "$5" "$6"'))
-    said: list[str] = []
+    lines: list[str] = []
     run = tmp_path / "run"
     run.mkdir()
-    crew = ClipRecorder(run, said.append)
+    crew = ClipRecorder(run, lines.append)
     for iteration in (100, 200, 300):
         crew("teacher", iteration, checkpoint)
     checkpoint.unlink()  # as the training does with old ones
     go.touch()
     crew.finish()
     assert sorted(path.name for path in (run / "clips").iterdir()) == ["teacher_000100.webp", "teacher_000300.webp"]
-    assert not said
+    assert not lines
 
 
 def test_a_run_that_ends_takes_its_renderer_along(tmp_path: Path, checkpoint: Path, monkeypatch) -> None:
-    """After Ctrl-C nothing may go on in the background, nor stay in the folder for temporary files."""
+    """The end of the training ends the renderer and removes its temporary files."""
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     monkeypatch.setattr("tempfile.tempdir", None)
     (tmp_path / "temporary").mkdir()
@@ -115,12 +115,12 @@ def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
         video_every=1,
     )
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
-    said: list[str] = []
-    crew = ClipRecorder(run.path, said.append)
+    lines: list[str] = []
+    crew = ClipRecorder(run.path, lines.append)
     train(cfg, run, film=crew)
     crew.finish()
-    if said:
-        pytest.skip(f"this machine cannot render: {said[0]}")
+    if lines:
+        pytest.skip(f"this machine cannot render: {lines[0]}")
     with image.open(run.path / "clips" / "teacher_000001.webp") as clip:
         assert clip.format == "WEBP" and clip.n_frames > 50
         first = clip.convert("RGB").tobytes()

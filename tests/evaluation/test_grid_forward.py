@@ -1,4 +1,4 @@
-"""Friction fed forward is a policy of its own, with the friction that somebody could know."""
+"""Friction fed forward counts as a separate policy, with friction that a bench can identify."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def still(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 
 @pytest.fixture
 def benches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Find 1 N m in the first joint, 2 in the second and so on, whatever the robot; return who was on the bench."""
+    """Let benches identify 1 N m in the first joint, 2 in the second and so on; return the robots on a bench."""
     seen: list[str] = []
 
     def make(bench: Bench, folder: Path, workers: int) -> None:
         seen.append(bench.label)
         folder.mkdir(parents=True)
-        found = [Estimate(float(n), 0.1, (n - 0.2, n + 0.2)) for n in range(1, SPEC.num_joints + 1)]
-        JointsFile(dict(zip(SPEC.joint_names, map(record, found), strict=True))).write(folder / "joints.json")
+        estimates = [Estimate(float(n), 0.1, (n - 0.2, n + 0.2)) for n in range(1, SPEC.num_joints + 1)]
+        JointsFile(dict(zip(SPEC.joint_names, map(record, estimates), strict=True))).write(folder / "joints.json")
 
     monkeypatch.setattr(bench_module, "identify_on_bench", make)
     monkeypatch.setattr(benches_module, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
@@ -74,7 +74,7 @@ def test_on_the_data_sheet_the_friction_is_the_laws_own(still: Bundle, tmp_path:
 def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
     still: Bundle, tmp_path: Path, benches: list[str]
 ) -> None:
-    """Two robots at one level, two commands: two benches, none the second time, and never the truth."""
+    """Two robots at one level, two commands: two benches, no third one later, and never the true friction."""
     base = replace(BASE, commands=("vx=0.5", "stand"))
     cfg = GridCfg(base, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
     walks = forward_walks([still], cfg, tmp_path)
@@ -86,7 +86,7 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
 
 
 def hide(monkeypatch: pytest.MonkeyPatch, *ends: str) -> None:
-    """Let the bench of robot 4 tell nothing of the joints whose names end so."""
+    """Let the bench of robot 4 identify no joint whose name has one of these endings."""
     make = bench_module.identify_on_bench
 
     def make_some(bench: Bench, folder: Path, workers: int) -> None:
@@ -103,21 +103,21 @@ def hide(monkeypatch: pytest.MonkeyPatch, *ends: str) -> None:
 
 @pytest.fixture
 def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
-    """Let the bench of robot 4 tell nothing at all."""
+    """Let the bench of robot 4 identify no joint."""
     hide(monkeypatch, "")
 
 
 @pytest.mark.parametrize(
-    ("ends", "others", "said"),
+    ("ends", "hips", "exceptions"),
     [
-        (("ML_hip",), 0.0, "but for the mean of its kind to ML_hip: coulomb_friction of joint 'ML_hip' is null"),
-        (("_hip",), None, "but for nothing to FL_hip, FR_hip, ML_hip, MR_hip, RL_hip, RR_hip: "),
+        (("ML_hip",), 0.0, "except ML_hip (mean of its kind): coulomb_friction of joint 'ML_hip' is null"),
+        (("_hip",), None, "except FL_hip, FR_hip, ML_hip, MR_hip, RL_hip, RR_hip (none): "),
     ],
 )
 def test_a_joint_that_was_not_identified_is_fed_what_its_kind_has(
     ends: tuple[str, ...],
-    others: float | None,
-    said: str,
+    hips: float | None,
+    exceptions: str,
     still: Bundle,
     tmp_path: Path,
     benches: list[str],
@@ -129,20 +129,20 @@ def test_a_joint_that_was_not_identified_is_fed_what_its_kind_has(
     (walk,) = forward_walks([still], cfg, tmp_path)
     expected = np.arange(1.0, 19.0)
     expected[6] = (1 + 4 + 10 + 13 + 16) / 5
-    if others is None:
+    if hips is None:
         expected[::3] = 0.0
     np.testing.assert_allclose(walk.forward, expected)
     (note,) = forward_notes([still], cfg, tmp_path)
-    assert note.startswith("On saturn_lite--mujoco--all--0.1--4 friction is fed forward as identified") and said in note
+    assert note.startswith(f"feed-forward on saturn_lite--mujoco--all--0.1--4 is as identified, {exceptions}")
 
 
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:
-    """One robot would end hours of walks on all others; without a word the mean would be of fewer."""
+    """The walks of an unidentified robot are left out, with a note; those of the other robots are made."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
     assert forward_notes([still], cfg, tmp_path) == []
     assert {walk.robot for walk in forward_walks([still], cfg, tmp_path)} == {3}
     (warning,) = forward_notes([still], cfg, tmp_path)
-    assert warning.startswith("Friction is not fed forward on saturn_lite--mujoco--all--0.1--4, its walks are left out")
+    assert warning.startswith("feed-forward skipped on saturn_lite--mujoco--all--0.1--4, no joint was identified")
     assert "'FL_hip' is null" in warning and warning.endswith("it hardly moves")
     (tmp_path / "saturn_lite--mujoco--all--0.1--4" / "joints.json").write_text("half")
     with pytest.raises(StictionError, match=r"joints\.json"):
@@ -150,7 +150,7 @@ def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, 
 
 
 def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other(still: Bundle, tmp_path: Path) -> None:
-    """At 20 % the robot stands otherwise than without; at 0 % it is the same robot to the last digit."""
+    """At 20 % the robot stands differently with feed-forward; at 0 % it is the same to the last digit."""
     done = walk_grid([still], GRID, tmp_path)
     rows, details = rows_of(done, [still])
     batch, alone = ([row for row in rows if row.engine == name] for name in ("mujoco", "mujoco-alone"))
@@ -167,7 +167,7 @@ def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"base": replace(BASE, action_delay=0.01), "engines": ("mujoco",)}, "one of the two"),
+        ({"base": replace(BASE, action_delay=0.01), "engines": ("mujoco",)}, "remove one"),
         ({"forward_by": ("error", "error=1")}, "each once"),
         ({"forward_by": ("sign",)}, "unknown way"),
         ({"forward": ("still", "still")}, "each once"),
@@ -175,15 +175,15 @@ def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other
     ],
 )
 def test_where_nothing_can_be_fed_forward_it_is_refused(changes: dict, message: str) -> None:
-    """The message says what would do."""
+    """Rejects conditions without a torque to feed; the message names the remedy."""
     with pytest.raises(StictionError, match=message):
         replace(GRID, **changes)
 
 
 def test_policies_that_are_not_there_or_compensate_are_refused(still: Bundle, tmp_path: Path) -> None:
-    """Before anything walks."""
+    """Rejects unknown policies and policies with compensation before any walk."""
     with pytest.raises(StictionError, match="unknown policy 'walker'; known: still"):
         forward_walks([still], replace(GRID, forward=("walker",)), tmp_path)
     compensating = replace(still, contract=make_contract(compensation=(0.1,) * 18))
-    with pytest.raises(StictionError, match="once more"):
+    with pytest.raises(StictionError, match="already compensates"):
         forward_walks([compensating], GRID, tmp_path)

@@ -1,4 +1,4 @@
-"""Policies that observe their joints' friction are told what somebody could know of each robot."""
+"""Policies that observe their joints' friction receive the value of the chosen source on each robot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPEC = find_robot("saturn_lite")
 BASE = EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=1, seconds=1.5, settle=0.5)
 GRID = GridCfg(BASE, ("mujoco", "mujoco-alone", "mujoco-alone+all"), robots=(3, 4), robot_levels=("0.1",))
 FOUND = {"hip": 1.0, "thigh": 2.0, "shank": 9.0}
-"""What every bench finds [N m]: 4, 8 and 20 % of the torque limits."""
+"""Friction identified on every bench [N m]: 4, 8 and 20 % of the torque limits."""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> list[Bundle]:
 
 @pytest.fixture
 def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Let benches find `FOUND`, that of robot 4 nothing of the thighs and of ML_hip; return who was on one."""
+    """Let benches identify `FOUND`, except robot 4's thighs and ML_hip; return the robots on a bench."""
     seen: list[str] = []
 
     def make(bench: Bench, folder: Path, workers: int) -> None:
@@ -67,7 +67,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def told(bundles: list[Bundle], text: str, out: Path) -> dict[tuple[str, str, int | None], tuple[float, ...] | None]:
-    """Return what the listener is told, by engine, level and robot."""
+    """Return the friction observed by the listener, by engine, level and robot."""
     cfg = replace(GRID, base=replace(BASE, known_friction=text))
     walks = with_known_friction(plan([bundle.name for bundle in bundles], cfg), bundles, cfg, out)
     assert all(walk.known is None for walk in walks if walk.policy == "other")
@@ -78,17 +78,17 @@ def told(bundles: list[Bundle], text: str, out: Path) -> dict[tuple[str, str, in
 def test_on_the_data_sheet_the_truth_is_the_level_and_on_a_virtual_robot_its_own(
     bundles: list[Bundle], tmp_path: Path, seen: list[str]
 ) -> None:
-    """No bench is needed for it, and two robots of one level have different joints."""
-    found = told(bundles, "true", tmp_path)
+    """The true friction needs no bench; two virtual robots of one level have different joints."""
+    observed = told(bundles, "true", tmp_path)
     for engine in ("mujoco", "mujoco-alone"):
-        np.testing.assert_allclose(found[engine, "0.1", None], [0.1] * 3)
-        np.testing.assert_allclose(found[engine, "0", None], [0.0] * 3)
+        np.testing.assert_allclose(observed[engine, "0.1", None], [0.1] * 3)
+        np.testing.assert_allclose(observed[engine, "0", None], [0.0] * 3)
     shares = [draw(SPEC, robot).friction.share for robot in (3, 4)]
     for robot, share in zip((3, 4), shares, strict=True):
         expected = [0.1 * share[kind::3].mean() for kind in range(3)]
-        np.testing.assert_allclose(found["mujoco-alone+all", "0.1", robot], expected)
-        assert np.mean(found["mujoco-alone+all", "0.1", robot]) == pytest.approx(0.1)
-    assert not seen and found["mujoco-alone+all", "0.1", 3] != found["mujoco-alone+all", "0.1", 4]
+        np.testing.assert_allclose(observed["mujoco-alone+all", "0.1", robot], expected)
+        assert np.mean(observed["mujoco-alone+all", "0.1", robot]) == pytest.approx(0.1)
+    assert not seen and observed["mujoco-alone+all", "0.1", 3] != observed["mujoco-alone+all", "0.1", 4]
     without = Case(3, "rest", parse_level("0"))
     np.testing.assert_array_equal(true_friction(without, SPEC), np.zeros(3))
 
@@ -96,25 +96,25 @@ def test_on_the_data_sheet_the_truth_is_the_level_and_on_a_virtual_robot_its_own
 def test_a_virtual_robot_is_told_what_its_own_bench_found(
     bundles: list[Bundle], tmp_path: Path, seen: list[str]
 ) -> None:
-    """Each robot once, 4, 8 and 20 %; where all thighs are unknown those of training, where one hip is the others'."""
-    found = told(bundles, "bench", tmp_path)
+    """Each robot once, 4, 8 and 20 %; unknown thighs have the nominal friction, an unknown hip the other hips'."""
+    observed = told(bundles, "bench", tmp_path)
     assert seen == [f"saturn_lite--mujoco--all--0.1--{robot}" for robot in (3, 4)]
-    np.testing.assert_allclose(found["mujoco-alone+all", "0.1", 3], [0.04, 0.08, 0.2])
-    np.testing.assert_allclose(found["mujoco-alone+all", "0.1", 4], [0.04, 0.2, 0.2])
-    np.testing.assert_allclose(found["mujoco-alone", "0.1", None], [0.1] * 3)
+    np.testing.assert_allclose(observed["mujoco-alone+all", "0.1", 3], [0.04, 0.08, 0.2])
+    np.testing.assert_allclose(observed["mujoco-alone+all", "0.1", 4], [0.04, 0.2, 0.2])
+    np.testing.assert_allclose(observed["mujoco-alone", "0.1", None], [0.1] * 3)
     wrong = told(bundles, "bench*0.5", tmp_path)
     np.testing.assert_allclose(wrong["mujoco-alone+all", "0.1", 3], [0.02, 0.04, 0.1])
     assert len(seen) == 2
 
 
 def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tmp_path: Path, seen: list[str]) -> None:
-    """Two sentences for robot 4, none for robot 3 or the policy that is told nothing; and what each was told."""
+    """The summary has two notes on robot 4, none on robot 3 or the blind policy, and each observed friction."""
     cfg = replace(GRID, engines=("mujoco-alone+all",), base=replace(BASE, known_friction="bench"))
     assert unidentified_notes(plan(["listener", "other"], cfg), bundles, cfg, tmp_path / "bench") == []
     _, summary = evaluate_all(bundles, cfg, tmp_path)
     notes = [text for text in summary["warnings"] if "not identified" in text]
     assert len(notes) == 2 and all(
-        text.startswith("On saturn_lite--mujoco--all--0.1--4, as listener") for text in notes
+        text.startswith("friction of saturn_lite--mujoco--all--0.1--4 for listener: ") for text in notes
     )
     assert "ML_hip was not" in notes[0] and "nominal friction of training is told, 20 %" in notes[1]
     mine, other = summary["rows"]

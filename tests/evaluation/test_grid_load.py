@@ -1,4 +1,4 @@
-"""Friction that grows with load is fed forward where a bench found it, beside what does not grow."""
+"""Friction that grows with load is fed forward where a bench identified it, plus the part that does not."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def still(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 
 
 def exactly(value: float) -> Estimate:
-    """Return an estimate that is known well."""
+    """Return an estimate with a narrow interval."""
     return Estimate(value, 0.01, (value - 0.02, value + 0.02))
 
 
@@ -57,8 +57,8 @@ LOADED = replace(
 """2 N m on the bench, of which 1.5 N m do not grow with load."""
 
 
-def found(monkeypatch: pytest.MonkeyPatch, **records: JointRecord) -> None:
-    """Let every bench find the record of each kind of joint, or of a joint by its name."""
+def set_records(monkeypatch: pytest.MonkeyPatch, **records: JointRecord) -> None:
+    """Let every bench identify the record of each kind of joint, or of a joint by its name."""
 
     def make(bench: Bench, folder: Path, workers: int) -> None:
         folder.mkdir(parents=True)
@@ -70,7 +70,7 @@ def found(monkeypatch: pytest.MonkeyPatch, **records: JointRecord) -> None:
 
 
 def fed(walk: Walk, torque: float) -> np.ndarray:
-    """Return what is fed at a fast joint whose gains ask for a torque [N m], shape (J,)."""
+    """Return the friction fed at a fast joint whose gains command a torque [N m], shape (J,)."""
     assert walk.forward is not None and walk.forward_load is not None
     way = parse_compensation(walk.forward_by)
     controller = way.controller(np.array(walk.forward), 0.002, load=np.array(walk.forward_load))
@@ -81,7 +81,7 @@ def test_a_bench_that_found_a_coefficient_has_it_fed_but_not_by_the_error(
     still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By measured-motor at 20 N m 0.75 (1.5 + 0.06 · 20) = 2.025 N m, 0.9 of it from load; hips have 0.75 · 2."""
-    found(monkeypatch, hip=PLAIN, thigh=LOADED, shank=LOADED)
+    set_records(monkeypatch, hip=PLAIN, thigh=LOADED, shank=LOADED)
     by_error, by_reference, in_motor = forward_walks([still], GRID, tmp_path)
     assert by_error.forward == (2.0,) * 18 and by_error.forward_load is None
     assert by_reference.forward == in_motor.forward == (2.0, 1.5, 1.5) * 6
@@ -95,7 +95,7 @@ def test_a_joint_that_was_not_identified_is_fed_the_mean_coefficient_of_its_kind
     still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four shanks with 0.06 and one without a coefficient: 4/5 of 0.06 per torque, and (4 · 1.5 + 2)/5 N m."""
-    found(monkeypatch, hip=PLAIN, thigh=PLAIN, shank=LOADED, FL_shank=JointRecord(), FR_shank=PLAIN)
+    set_records(monkeypatch, hip=PLAIN, thigh=PLAIN, shank=LOADED, FL_shank=JointRecord(), FR_shank=PLAIN)
     walk = forward_walks([still], GRID, tmp_path)[1]
     assert walk.forward is not None and walk.forward_load is not None
     first, second = (SPEC.joint_names.index(name) for name in ("FL_shank", "FR_shank"))
@@ -105,15 +105,15 @@ def test_a_joint_that_was_not_identified_is_fed_the_mean_coefficient_of_its_kind
 
 @pytest.mark.parametrize(("way", "counts"), [("error", False), ("reference", True), ("measured-motor", True)])
 def test_the_coefficient_reaches_the_joints_of_a_virtual_robot(still: Bundle, way: str, counts: bool) -> None:
-    """A robot that stands carries load: it stands otherwise, unless the way knows none."""
+    """A loaded robot stands differently, except for a way without load."""
     walk = Walk("still", GRID.simulators[0], "real", "bench+0.05", "flat", "vx=0.5", 0, 3, (1.0,) * 18, way)
     pair = (walk, replace(walk, forward_load=(0.05,) * 18))
-    plain, loaded = (walk_unit(still, Unit((one,)), GRID)[0] for one in pair)
+    plain, loaded = (walk_unit(still, Unit((walk,)), GRID)[0] for walk in pair)
     assert (plain != loaded) == counts
 
 
 @pytest.mark.parametrize(("law", "ways"), [("effort", ("reference", "error")), ("load", ("reference",))])
 def test_a_coefficient_that_a_way_cannot_feed_is_refused(law: str, ways: tuple[str, ...]) -> None:
-    """That of `load` multiplies forces that no motor knows; `error` knows no torque."""
+    """Rejects a coefficient of the law `load`, which multiplies unmeasured forces, and the way `error`."""
     with pytest.raises(StictionError, match=f"under the law {law}: it has a coefficient .* effort by reference"):
         GridCfg(replace(BASE, friction_law=law), ("mujoco",), forward=("still",), forward_by=ways)

@@ -1,4 +1,4 @@
-"""Which walks a grid consists of, and what it refuses."""
+"""Plan of a grid: its walks, and the conditions that it rejects."""
 
 import pytest
 
@@ -21,12 +21,12 @@ def test_every_combination_is_walked_once() -> None:
 
 
 def test_a_batch_is_one_cell_of_a_policy_and_the_slow_engine_begins() -> None:
-    """Two cores would wait for ODE at the end; a unit in the batch has the two episodes of a level and command."""
+    """Units in the batch have the two episodes of a level and command; the slow engine begins."""
     cfg = GridCfg(BASE, ("mujoco", "ode"))
-    found = units(plan(["a"], cfg), cfg)
-    assert [len(unit.walks) for unit in found] == [1] * 8 + [2] * 4
-    assert found[0].simulator == Simulator("ode") and all(
-        len({walk.cell for walk in unit.walks}) == 1 for unit in found
+    planned = units(plan(["a"], cfg), cfg)
+    assert [len(unit.walks) for unit in planned] == [1] * 8 + [2] * 4
+    assert planned[0].simulator == Simulator("ode") and all(
+        len({walk.cell for walk in unit.walks}) == 1 for unit in planned
     )
 
 
@@ -42,7 +42,7 @@ def test_a_batch_is_one_cell_of_a_policy_and_the_slow_engine_begins() -> None:
     ],
 )
 def test_a_place_that_is_none_is_refused(text: str, message: str) -> None:
-    """The message names what there is."""
+    """Rejects unknown places; the message lists the known ones."""
     with pytest.raises(StictionError, match=message):
         parse_simulator(text)
 
@@ -62,6 +62,6 @@ def test_a_place_that_is_none_is_refused(text: str, message: str) -> None:
     ],
 )
 def test_a_grid_that_cannot_be_walked_is_refused_before_it_begins(changes: dict, message: str) -> None:
-    """An hour later is too late."""
+    """Rejects impossible grids before the first walk."""
     with pytest.raises(StictionError, match=message):
         GridCfg(**changes)

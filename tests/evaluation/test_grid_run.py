@@ -1,4 +1,4 @@
-"""A grid is walked, interrupted, gone on with, and turned into rows."""
+"""A grid is walked, interrupted, continued, and turned into rows."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -44,15 +44,15 @@ def walked(still: Bundle, tmp_path_factory: pytest.TempPathFactory):
 def test_a_row_for_every_cell(still: Bundle, walked) -> None:
     """Engine, law and level as they are looked for in results.csv."""
     rows, details = rows_of(walked[0], [still])
-    found = [(row.engine, row.friction_law, row.friction_level, row.episodes) for row in rows]
+    labels = [(row.engine, row.friction_law, row.friction_level, row.episodes) for row in rows]
     plain = [(engine, "coulomb", level, 2) for engine in ENGINES[:2] for level in (0.0, 0.2)]
-    assert found == [*plain, ("mujoco-alone+all", "real", 0.1, 2)]
+    assert labels == [*plain, ("mujoco-alone+all", "real", 0.1, 2)]
     assert details[0]["fall_interval"] == (0.0, pytest.approx(3.8415 / 5.8415, abs=1e-4))
     assert list(details[-1]["robots"]) == ["3"]
 
 
 def test_the_batch_is_the_evaluation_as_it_was(still: Bundle, walked) -> None:
-    """Results made before there was a grid stay comparable."""
+    """A grid of one batch gives the rows of `evaluate_bundle`."""
     rows, _ = rows_of(walked[0], [still])
     before = evaluate_bundle(still, BASE).rows
     for row, old in zip(rows, before, strict=False):
@@ -77,7 +77,7 @@ def test_a_batch_in_parts_is_the_batch(still: Bundle, walked, tmp_path: Path, mo
 
 
 def test_nothing_is_walked_twice(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same command again reads its ledger; a changed setting walks anew."""
+    """The same command reads its ledger; a changed setting walks again."""
     monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
     assert walk_grid([still], GRID, walked[1]) == walked[0]
     with pytest.raises(pytest.fail.Exception):
@@ -85,7 +85,7 @@ def test_nothing_is_walked_twice(still: Bundle, walked, monkeypatch: pytest.Monk
 
 
 def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What had ended is kept, with a line that was cut off; the rest is walked."""
+    """Finished walks are kept, a truncated line of the ledger is dropped, and the rest is walked."""
     lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
     (tmp_path / LEDGER).write_text("".join(lines[:3]) + lines[3][:40] + "\n")
     count, walk_unit = [], run.walk_unit
@@ -100,7 +100,7 @@ def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monk
 
 
 def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_path: Path) -> None:
-    """An engine that is missing must not end a grid after an hour."""
+    """A missing engine ends the grid before the first walk."""
     from stiction.engines.catalog import missing_engine
     from stiction.files.contract import robot_of
 
@@ -112,9 +112,9 @@ def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_
 
 
 def means_of(rows: list[ResultRow], bundles: list[Bundle]) -> list[Sample]:
-    """Return the speed ratio of every method over its seeds, of rows without anything beside them."""
+    """Return the speed ratio of every method over its seeds, without other columns."""
     details = [asdict(row) | {"crossed": None} for row in rows]
-    return [one for one in samples_of(details, methods_of(rows, bundles)) if one.column == "speed_ratio"]
+    return [sample for sample in samples_of(details, methods_of(rows, bundles)) if sample.column == "speed_ratio"]
 
 
 def test_a_seed_is_one_sample(still: Bundle, walked) -> None:
@@ -150,7 +150,7 @@ def named(bundle: Bundle, name: str, **changes: Any) -> Bundle:
 def test_policies_of_different_trainings_are_no_seeds_of_each_other(
     still: Bundle, walked, changes: dict, words: tuple[str, str]
 ) -> None:
-    """A policy for stairs and one for flat ground would have one mean, and a t-interval over what they differ in."""
+    """Policies for stairs and for flat ground have separate means and intervals."""
     row = rows_of(walked[0], [still])[0][0]
     bundles = [named(still, "a"), named(still, "b", seed=1, **changes)]
     rows = [
@@ -179,15 +179,15 @@ def test_policies_of_different_trainings_are_no_seeds_of_each_other(
 def test_methods_say_in_which_settings_bundles_differ(
     still: Bundle, walked, settings: tuple[dict, ...], words: tuple[str, ...]
 ) -> None:
-    """Two trainings would be seeds of one method with a confident mean; or two seeds of one training two methods."""
+    """Methods name the settings in which bundles differ; seeds of one training share a name."""
     row = rows_of(walked[0], [still])[0][0]
-    bundles = [named(still, f"p{seed}", seed=seed, settings=one) for seed, one in enumerate(settings)]
-    found = methods_of([replace(row, policy=bundle.name) for bundle in bundles], bundles)
-    assert [*found.values()] == [f"none{word}" for word in words]
+    bundles = [named(still, f"p{seed}", seed=seed, settings=setting) for seed, setting in enumerate(settings)]
+    methods = methods_of([replace(row, policy=bundle.name) for bundle in bundles], bundles)
+    assert [*methods.values()] == [f"none{word}" for word in words]
 
 
 def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
-    """Of three robots one falls in both walks and one in one of two: 1.5 of 3, as wide as three robots are."""
+    """Rate of three robots, one fallen in both walks and one in one of two: 1.5 of 3, in three trials."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4, 5), robot_levels=("0.1",))
     fell = {3: (1.0, 1.0), 4: (0.0, 1.0), 5: (0.0, 0.0)}
     worth = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0, 0.45, 0.0, 0.0)

@@ -71,7 +71,7 @@ def test_a_pure_turn_is_measured_in_radians() -> None:
 
 
 def test_standing_has_no_ratio_and_no_gait() -> None:
-    """Nothing is commanded, so nothing can be divided by it."""
+    """Without a commanded velocity the ratio and the gait shares are None."""
     metrics = measure(walking(0.2), parse_command("stand"), GROUPS, 98.1)
     assert (metrics.speed_ratio, metrics.tripod_share, metrics.flight_share) == (None, None, None)
     assert metrics.tracking_error == pytest.approx(0.2)
@@ -87,7 +87,7 @@ def test_cost_of_transport_by_hand() -> None:
 
 
 def test_jitter_is_a_root_mean_square_over_robots_that_stand() -> None:
-    """Mean squares 9 and 16 give sqrt(12.5); the robot that has fallen counts no more."""
+    """Mean squares 9 and 16 give sqrt(12.5); a fallen robot is left out."""
     acceleration = np.tile([9.0, 16.0], (100, 1))
     assert measure(
         recording(square_acceleration=acceleration), parse_command("vx=0.5"), GROUPS, 98.1
@@ -99,7 +99,7 @@ def test_jitter_is_a_root_mean_square_over_robots_that_stand() -> None:
 
 
 def test_gait_shares_are_of_moving_steps_and_literal_sets() -> None:
-    """Of eight moving steps: three on group 0, two on group 1, one in flight, one on three feet, one on all."""
+    """Eight moving steps: three on group 0, two on group 1, one in flight, one on three feet, one on all."""
     contact = np.zeros((10, 1, 4), dtype=bool)
     contact[0:3, 0] = [1, 0, 0, 1]
     contact[3:5, 0] = [0, 1, 1, 0]

@@ -1,4 +1,4 @@
-"""The onset of a policy: as rows of an evaluation show it, as evidence predicts it, and what is an extrapolation."""
+"""Onset of a policy: walked in an evaluation's rows, predicted from evidence, and marked as extrapolation."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_what_no_robot_like_it_has_walked_is_called_an_extrapolation() -> None:
 
 
 def test_a_recording_with_friction_predicts_nothing_of_motion() -> None:
-    """What joints do under friction is not what they do without."""
+    """A recording with friction gives no prediction from motion."""
     assert golden_motion(BUNDLE.golden, BUNDLE.contract) is None
     free = replace(BUNDLE.contract, friction=(0.0,) * 18, friction_level=0.0)
     motion, walked = golden_motion(BUNDLE.golden, free), BUNDLE.golden.walked
@@ -104,7 +104,7 @@ def test_a_recording_with_friction_predicts_nothing_of_motion() -> None:
 
 
 def test_the_line_of_a_policy_has_what_was_predicted_and_what_was_walked() -> None:
-    """A policy that still follows at the last level is said to, with that level."""
+    """A policy that follows at every level has no walked onset; the line names the last level."""
     predicted = {"level": 0.1, "least": 0.05, "most": 0.2, "axis": "torque_limit", "relative": False, "outside": ""}
     lines = onset_lines(
         {
@@ -118,7 +118,7 @@ def test_the_line_of_a_policy_has_what_was_predicted_and_what_was_walked() -> No
 
 
 def test_evidence_that_is_damaged_is_refused(tmp_path: Path) -> None:
-    """A field that is missing, of another kind, or an axis that nobody knows."""
+    """Rejects evidence with a missing or wrong field, or an unknown axis."""
     path = tmp_path / "onset.json"
     for text in ("{}", '{"schema_version": 1, "axis": 3}', '{"schema_version": 9}', "["):
         path.write_text(text)

@@ -1,4 +1,4 @@
-"""A function in Python as a policy, for evaluation alone."""
+"""Python function as a policy, for evaluation alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NOT_A_FUNCTION = 3
 
 
 def test_a_function_stands_a_robot() -> None:
-    """It is called once a period with all robots, and told once that they start anew."""
+    """The function is called once per period with all robots; the first call marks them as reset."""
     CALLS.clear()
     bundle = own_policy(f"{__name__}:stand", "go2", 0.02)
     cfg = EvaluationCfg(friction_levels=(0.0, 0.1), commands=("stand",), episodes=1, seconds=3.5)
@@ -50,14 +50,14 @@ def test_a_function_stands_a_robot() -> None:
     ],
 )
 def test_a_function_that_is_none_is_refused(name: str, message: str) -> None:
-    """In one line, before or at its first step."""
+    """Rejects an invalid function in one line, before or at its first step."""
     cfg = EvaluationCfg(friction_levels=(0.0,), commands=("stand",), episodes=1, seconds=3.5)
     with pytest.raises(StictionError, match=message):
         evaluate_bundle(own_policy(f"{__name__}:{name}", "go2", 0.02), cfg)
 
 
 def leaning(angle: float):
-    """Return a function that stands off its pose."""
+    """Return a function that commands a displaced pose."""
 
     def lean(sensors: Sensors, command: np.ndarray, fresh: np.ndarray) -> np.ndarray:
         return stand(sensors, command, fresh) + angle
@@ -66,7 +66,7 @@ def leaning(angle: float):
 
 
 def test_functions_that_differ_in_what_they_hold_are_different_policies() -> None:
-    """Two closures of one name: the walks of the first, kept in a folder, would be taken for those of the second."""
+    """Two closures of one name have different digests, so that neither reuses walks of the other."""
     digests = [own_policy(leaning(angle), "go2", 0.02).digest for angle in (0.0, 0.1)]
     digests += [own_policy(partial(stand), "go2", 0.02).digest, own_policy(partial(short), "go2", 0.02).digest]
     assert len({*digests}) == 4

@@ -1,4 +1,4 @@
-"""What is filmed of a virtual robot is what it did."""
+"""A film of a virtual robot shows its recorded motion."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from stiction.virtual.trial import World, walk  # noqa: E402
 
 
 def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None:
-    """A swapped joint or another order of the quaternion would show a walk that never was."""
+    """The renderer has the engine's joint angles and quaternion, in their order."""
     loaded, command, motions = check_bundle(bundle).bundle, parse_command("vx=0.5"), []
     spec = robot_of(loaded.contract)
 
@@ -41,7 +41,7 @@ def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None
 
 
 def test_robots_side_by_side_start_together_in_lanes_of_their_own(bundle: Path) -> None:
-    """A lane moves a robot aside and changes nothing of its walk; the marks reach beyond both ends of it."""
+    """A lane shifts a robot sideways and changes nothing in its walk; the marks reach beyond both ends of it."""
     loaded = check_bundle(bundle).bundle
     states = walked(loaded, 0.1, parse_command("vx=0.5"), 4 * loaded.contract.control_period)
     assert len(states) == 5 and states[0, :2].tolist() == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""A bundle on a fleet: the right robot, the right joints, and golden vectors that the check accepts."""
+"""Policy bundle on a fleet: the right robot, the right joints, and golden vectors that pass the check."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +30,7 @@ def make_rollout(contract: Contract, levels: list[float], seeds: list[int], **op
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
 def test_recorded_golden_vectors_pass_the_check(tmp_path: Path, robot: str) -> None:
-    """What is recorded in physics, batched, must replay one step at a time without physics."""
+    """Recorded golden vectors replay one step at a time without physics."""
     contract = make_contract(robot)
     model = make_network(contract)
     golden = record_golden(contract, load_policy(contract, model, (1,)), robot_of(contract))
@@ -55,7 +55,7 @@ def test_the_fleet_has_the_bundles_joints(contract: Contract) -> None:
 
 
 def test_the_fleet_has_the_contracts_inertia_and_viscous_friction() -> None:
-    """Not the robot's: a run may have trained on identified joints."""
+    """Inertia and viscous friction are the contract's, not the robot's: a run may train on identified joints."""
     fleet = make_rollout(make_contract(armature=(0.05,) * 18, damping=(0.7,) * 18), [0.0, 0.2], [0]).fleet
     assert (fleet.armature == 0.05).all()
     assert (fleet.damping == 0.7).all()
@@ -63,7 +63,7 @@ def test_the_fleet_has_the_contracts_inertia_and_viscous_friction() -> None:
 
 
 def test_a_delayed_target_arrives_late(contract: Contract) -> None:
-    """10 ms are two physics steps of 5 ms; 40 ms is all that the model holds."""
+    """A delay of 10 ms shifts the target by two physics steps of 5 ms; 40 ms is the longest."""
     late = make_rollout(contract, [0.0], [0], action_delay=0.010).fleet
     late.reset(np.array([0]))
     late.set_targets(late.standing + 0.3)
@@ -78,13 +78,13 @@ def test_a_delayed_target_arrives_late(contract: Contract) -> None:
 
 
 def test_a_bundle_cannot_name_a_module_to_import() -> None:
-    """A bundle is data; importing what it names would run its maker's code."""
+    """A bundle is data: a name in it is not imported."""
     with pytest.raises(StictionError, match="--robot"):
         robot_of(replace(make_contract(), robot="os.path:sep"))
 
 
 def test_another_robot_is_refused(contract: Contract) -> None:
-    """Saturn Lite's policy on a Go1 would be nonsense; so would other motors."""
+    """Rejects Saturn Lite's policy on a Go1, and on other motors."""
     with pytest.raises(StictionError, match="joints"):
         robot_of(contract, "go1")
     with pytest.raises(StictionError, match="torque limits"):

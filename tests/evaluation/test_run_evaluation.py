@@ -1,4 +1,4 @@
-"""A run's teacher and student in the evaluation: the actions of training, and latents from elsewhere."""
+"""Teacher and student of a run in the evaluation: the actions of training, and latents of other robots."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ SHORT = EvaluationCfg(friction_levels=(0.0, 0.2), commands=("vx=0.5",), episodes
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunDirectory:
-    """A run of few steps, its weights far enough from where they began."""
+    """Return a run of few steps, with weights far from their initial values."""
     directory = RunDirectory.create(tmp_path_factory.mktemp("runs") / "tiny", CFG, "stiction train", None)
     train(CFG, directory)
     return directory
@@ -67,7 +67,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunDirectory:
 
 @pytest.mark.parametrize("who", ["teacher", "student"])
 def test_the_driver_acts_as_training_does(run: RunDirectory, who: str) -> None:
-    """Over resets of the environment: history, o_priv, estimate and latent are those that the actor was trained on."""
+    """Over resets of the environment, history, o_priv, estimate and latent are those of the training."""
     env = LocomotionEnv(CFG.task, 6, seed=3)
     actor = load_actor(run, who)
     contract = contract_of(run.config(), run.header())
@@ -92,7 +92,7 @@ def test_the_driver_acts_as_training_does(run: RunDirectory, who: str) -> None:
 
 
 def test_a_teacher_is_told_what_its_training_varied() -> None:
-    """Where friction never varied the entry's weights are noise: it stays at 0 for `none`, at 0.1 for exactly 0.1."""
+    """The friction in o_priv stays at 0 for `none` and at 0.1 for a constant 0.1, and is the true one otherwise."""
     present, nominal = np.array([[0.0, 0.0], [0.3, 0.3]]), np.array([0.1, 0.1])
     assert observed_friction(FrictionCfg("none", 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert (
@@ -103,9 +103,11 @@ def test_a_teacher_is_told_what_its_training_varied() -> None:
 
 
 def test_peers_share_the_teachers_latent_and_other_levels_do_not(run: RunDirectory) -> None:
-    """The latent z is a function of o_priv alone: lending it among robots of one level must change nothing."""
-    own, peer, swapped = (walk_run(run.path, "teacher", SHORT, latent).rows for latent in ("own", "peer", "swapped"))
-    jitter = [[row.joint_jitter for row in rows] for rows in (own, peer, swapped)]
+    """The latent z depends on o_priv alone: exchanging it among robots of one level changes nothing."""
+    unchanged, peer, swapped = (
+        walk_run(run.path, "teacher", SHORT, latent).rows for latent in ("own", "peer", "swapped")
+    )
+    jitter = [[row.joint_jitter for row in rows] for rows in (unchanged, peer, swapped)]
     assert jitter[1] == pytest.approx(jitter[0], rel=1e-4)
     assert jitter[2] != pytest.approx(jitter[0], rel=1e-3)
 
@@ -130,15 +132,15 @@ def test_latents_are_lent_and_frozen(run: RunDirectory) -> None:
         latent = actor.adaptation(observation)
         lent = LatentPolicy(actor, sources=torch.tensor([1, 0]), watch=seen.append)(observation)
         frozen = LatentPolicy(actor, frozen=latent[1])(observation)
-        one, two = lent, LatentPolicy(actor).policy.act(observation, latent.flip(0))
-    torch.testing.assert_close(one, two)
+        swapped, expected = lent, LatentPolicy(actor).policy.act(observation, latent.flip(0))
+    torch.testing.assert_close(swapped, expected)
     torch.testing.assert_close(seen[0], latent)
     torch.testing.assert_close(frozen[0], lent[0])
     assert not torch.allclose(frozen[1], lent[1])
 
 
 def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_path: Path) -> None:
-    """If one of them kept eleven frames, a student trained with another history could not be run."""
+    """Networks, contract and driver use the history length of the run's configuration."""
     cfg = replace(CFG, task=replace(CFG.task, history=4))
     directory = RunDirectory.create(tmp_path / "short", cfg, "stiction train", None)
     train(cfg, directory)
@@ -152,7 +154,7 @@ def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_pa
 
 @pytest.mark.usefixtures("undrawn")
 def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: Path, monkeypatch, capsys) -> None:
-    """A user's whole way: walks on lent latents, probes, page. Two runs of one name are refused."""
+    """The whole command: walks on lent latents, probes, page. Rejects two runs of one name."""
     monkeypatch.setattr(probes, "HISTORIES", (11,))  # A probe of two thousand features takes seconds.
     out = tmp_path / "study"
     walks = ["--friction-levels", "0", "0.2", "--commands", "vx=0.5", "--episodes", "4", "--seconds", "4"]

@@ -1,4 +1,4 @@
-"""The rows of methods.csv: means over training seeds with their intervals, and trials of what counts walks."""
+"""Rows of methods.csv: means over training seeds with their intervals, and trials of rates."""
 
 import pytest
 
@@ -25,13 +25,13 @@ def sampled(*rows: Row) -> dict[tuple[str, str], Sample]:
 
 def test_a_sample_has_mean_interval_and_every_seed() -> None:
     """0.9 and 1.1: mean 1, half-width 12.706 · 0.1; the seeds 3 and 5 as they are called."""
-    found = sampled(row(5, "vx=0.5", speed_ratio=1.1), row(3, "vx=0.5", speed_ratio=0.9))["vx=0.5", "speed_ratio"]
-    assert (found.seeds, found.each, found.mean, found.trials) == ("3 5", "0.9 1.1", pytest.approx(1.0), None)
-    assert (found.low, found.high) == (pytest.approx(-0.2706, abs=1e-4), pytest.approx(2.2706, abs=1e-4))
+    sample = sampled(row(5, "vx=0.5", speed_ratio=1.1), row(3, "vx=0.5", speed_ratio=0.9))["vx=0.5", "speed_ratio"]
+    assert (sample.seeds, sample.each, sample.mean, sample.trials) == ("3 5", "0.9 1.1", pytest.approx(1.0), None)
+    assert (sample.low, sample.high) == (pytest.approx(-0.2706, abs=1e-4), pytest.approx(2.2706, abs=1e-4))
 
 
 def test_one_seed_has_no_interval_and_its_walks_are_trials() -> None:
     """No fall in ten walks is compatible with 28 %: 3.8415 / 13.8415."""
-    found = sampled(row(0, "vx=0.5", speed_ratio=1.0))["vx=0.5", "fall_rate"]
-    assert (found.low, found.high, found.trials, found.trials_low) == (None, None, 10, pytest.approx(0.0, abs=1e-9))
-    assert found.trials_high == pytest.approx(0.27753, abs=1e-5)
+    sample = sampled(row(0, "vx=0.5", speed_ratio=1.0))["vx=0.5", "fall_rate"]
+    assert (sample.low, sample.high, sample.trials, sample.trials_low) == (None, None, 10, pytest.approx(0.0, abs=1e-9))
+    assert sample.trials_high == pytest.approx(0.27753, abs=1e-5)

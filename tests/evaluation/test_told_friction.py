@@ -1,4 +1,4 @@
-"""What an evaluation tells policies that observe their joints' friction."""
+"""Friction observed by policies in an evaluation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BASE = EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=1, seconds=1.5, settle=0.
     ],
 )
 def test_what_is_told_is_named_by_a_text(text: str, expected: FrictionSource) -> None:
-    """As it is typed behind --known-friction."""
+    """Parses the texts of --known-friction."""
     assert parse_source(text) == expected
 
 
@@ -46,7 +46,7 @@ def test_what_is_told_is_named_by_a_text(text: str, expected: FrictionSource) ->
     "text", ["", "truth", "true*", "true*x", "true*-1", "true*nan", "0.1*2", "contract*2", "1.2", "-1"]
 )
 def test_what_names_nothing_is_refused(text: str) -> None:
-    """An error of a number, or of the contract, is another number: nobody would find out what was told."""
+    """Rejects an error factor on a number or on the contract's friction, and unknown names."""
     with pytest.raises(StictionError, match=r"known friction .*expected contract, true, bench"):
         parse_source(text)
     with pytest.raises(StictionError, match="known friction"):
@@ -54,7 +54,7 @@ def test_what_names_nothing_is_refused(text: str) -> None:
 
 
 def told_to(text: str, law: Law | None = None) -> np.ndarray | None:
-    """What robots at 0 and 10 % are told."""
+    """Return the friction observed on robots at 0 and 10 %."""
     law = law or Law()
     friction = friction_at(CONTRACT, np.array([0.0, 0.1]), law)
     return known_to(CONTRACT, SPEC, parse_source(text), law, friction)
@@ -91,7 +91,7 @@ def test_the_nominal_friction_of_training_is_that_of_the_contract() -> None:
 
 @pytest.fixture(scope="module")
 def listener(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    """A bundle that stands; the action of its hips is five times the friction that they are said to have."""
+    """Return a bundle that stands; the action of its hips is five times their observed friction."""
     weights = np.zeros((LAYOUT.size, 18), np.float32)
     weights[-3, ::3] = 1.0
     model = linear_network(onnx, weights)

@@ -1,4 +1,4 @@
-"""What training computes in torch and what the runtime computes in NumPy are the same numbers."""
+"""Training in torch and the runtime in NumPy compute the same numbers."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize(("robot", "slow"), [("saturn_lite", None), ("go1", None), ("go1", 1.0)])
 def test_the_runtime_builds_the_observation_of_training(robot: str, slow: float | None) -> None:
-    """Also for what golden vectors do not reach: the environment's own resets and commands."""
+    """The observations are equal also in the environment's resets and commands, which golden vectors do not contain."""
     from stiction.task.env import LocomotionEnv
 
     env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5, slow_means=slow), num_envs=4, seed=1)
@@ -69,7 +69,7 @@ def test_a_run_trained_exported_and_checked(tmp_path: Path) -> None:
 
 
 def test_robots_start_as_in_training() -> None:
-    """The half-width of the initial angles stands twice, since one of the modules must not need torch."""
+    """The half-width of the initial angles is equal in both modules; one of them must not import torch."""
     from stiction.task.events import RESET_NOISE
     from stiction.virtual.drive import INITIAL_ANGLE
 
@@ -77,7 +77,7 @@ def test_robots_start_as_in_training() -> None:
 
 
 def test_the_side_that_begins_is_one_on_the_robot() -> None:
-    """What training draws as 1 or -1 is constant where it is deployed, in every frame."""
+    """The first side is 1 or -1 in training, and 1 in every frame of the deployed policy."""
     from stiction.evaluation.export import TrainedPolicy, export_network
 
     contract, still = make_contract(observation=proprioception(18, first_side=True)), np.zeros((2, 18))
@@ -91,7 +91,7 @@ def test_the_side_that_begins_is_one_on_the_robot() -> None:
 
 @pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])
 def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None:
-    """By the contract, one number for all robots, or each robot its own; in every frame of the history."""
+    """Both observe the contract's friction, one value for all robots, or one per robot, in every frame."""
     from stiction.evaluation.export import TrainedPolicy, export_network
 
     told = {"hip": 0.05, "thigh": 0.1, "shank": 0.2}
@@ -110,7 +110,7 @@ def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None
 
 
 def test_friction_is_compensated_alike_in_training_and_on_the_robot(tmp_path: Path) -> None:
-    """The task's step, the modules of training, the deployed network and the policy on a machine send one target."""
+    """The task's step, the modules of training, the deployed network and the policy on a machine compute one target."""
     from stiction.deploy.robot_policy import RobotPolicy
     from stiction.evaluation.export import TrainedPolicy, contract_of, export_policy
     from stiction.task.env import LocomotionEnv
@@ -123,9 +123,9 @@ def test_friction_is_compensated_alike_in_training_and_on_the_robot(tmp_path: Pa
     torch.manual_seed(0)
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     bundle = export_policy(module, contract, tmp_path / "bundle").bundle
-    own = read_contract(bundle.contract.to_json().encode())
-    deployed = load_policy(own, bundle.policy)
-    on_robot = RobotPolicy(own, load_policy(own, bundle.policy), own.joint_names, dict.fromkeys(RULES, np.inf))
+    read = read_contract(bundle.contract.to_json().encode())
+    deployed = load_policy(read, bundle.policy)
+    on_robot = RobotPolicy(read, load_policy(read, bundle.policy), read.joint_names, dict.fromkeys(RULES, np.inf))
     trained, env, moved = TrainedPolicy(module, contract), LocomotionEnv(task, 1, 3), []
     for step in range(20):
         fleet, command = env.fleet, env.commands.value.double().numpy()
@@ -134,16 +134,16 @@ def test_friction_is_compensated_alike_in_training_and_on_the_robot(tmp_path: Pa
         sensors = Sensors(fleet.base_quaternion.copy(), fleet.base_angular_velocity.copy(), *measured)
         with torch.no_grad():
             action = module(env.get_observations()["history"])
-        said = trained.step(sensors, command).target
+        target_of_training = trained.step(sensors, command).target
         alone = Sensors(*(value[0] for value in sensors.arrays().values()))
         ran = deployed.step(alone, command[0]).target
-        sent = on_robot.step(own.control_period * step, **alone.arrays(), command=command[0]).target
+        sent = on_robot.step(read.control_period * step, **alone.arrays(), command=command[0]).target
         _, _, dones, _ = env.step(action)
         assert not dones.any()
-        for target in (said[0], ran, sent):
+        for target in (target_of_training[0], ran, sent):
             np.testing.assert_allclose(target, (env.fleet.targets + offset)[0], atol=1e-6)
-        plain = own.array("standing") + own.scale * action.clamp(-5.0, 5.0).double().numpy()[0]
-        moved.append((sent - plain) / own.array("compensation"))
+        plain = read.array("standing") + read.scale * action.clamp(-5.0, 5.0).double().numpy()[0]
+        moved.append((sent - plain) / read.array("compensation"))
     # Some joints are stuck, some move, and not all towards their targets.
     assert np.abs(moved).max() == pytest.approx(1.0, abs=1e-4) and np.abs(moved).min() < 0.5
 

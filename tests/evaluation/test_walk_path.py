@@ -1,4 +1,4 @@
-"""How much code a row of an evaluation goes through: plan, walk, row, and nothing beside."""
+"""Code path of a row of an evaluation: plan, walk, row, and no other modules."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ print(json.dumps({"rows": len(rows), "visited": sorted(visited), "imported": len
 
 @pytest.mark.parametrize("engine", MOST)
 def test_a_row_goes_through_few_modules(engine: str) -> None:
-    """Whoever follows a number from the plan to its row reads no more files than these."""
+    """A row's code path has at most these modules, and so many files to read."""
     if engine.startswith("physx") and (missing := missing_engine("physx", find_robot("saturn_lite"))):
         pytest.skip(missing)
     done = subprocess.run([sys.executable, "-c", PROGRAM, engine], capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert found["rows"] == 1
+    report = json.loads(done.stdout.splitlines()[-1])
+    assert report["rows"] == 1
     modules, rooms = MOST[engine]
-    assert len(found["visited"]) <= modules, found["visited"]
-    assert len({Path(name).parts[0] for name in found["visited"]}) <= rooms, found["visited"]
-    assert "evaluation/grid.py" in found["visited"]
-    assert found["imported"] <= MOST_IMPORTED
+    assert len(report["visited"]) <= modules, report["visited"]
+    assert len({Path(name).parts[0] for name in report["visited"]}) <= rooms, report["visited"]
+    assert "evaluation/grid.py" in report["visited"]
+    assert report["imported"] <= MOST_IMPORTED

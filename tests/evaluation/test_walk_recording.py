@@ -15,19 +15,19 @@ SHORT = EvaluationCfg(friction_levels=(0.0, 0.2), commands=("vx=0.5", "stand"), 
 
 
 def test_a_log_for_each_level_command_and_robot() -> None:
-    """Each knows what it may know, and not the friction of its joints."""
-    found = record_walks(walks.walking_bundle(), SHORT, RecordCfg(robots=2, seconds=1.0))
-    labels = [(item.level, item.command, item.robot) for item in found]
+    """Each log has its level, command and robot, and not the friction of its joints."""
+    recorded = record_walks(walks.walking_bundle(), SHORT, RecordCfg(robots=2, seconds=1.0))
+    labels = [(item.level, item.command, item.robot) for item in recorded]
     assert labels == [(level, name, robot) for level in (0.0, 0.2) for name in ("vx=0.5", "stand") for robot in (0, 1)]
-    log = found[0].log
+    log = recorded[0].log
     assert log is not None
     assert (len(log), log.header.period, log.header.command) == (200, 0.005, "vx=0.5")
     assert "friction" not in json.dumps(asdict(log.header))
-    assert found[0].file_name == "0--vx=0.5--0.npz"
+    assert recorded[0].file_name == "0--vx=0.5--0.npz"
 
 
 def test_logging_does_not_change_the_walk() -> None:
-    """The logged motion is the evaluated one: physics step by step, it ends in the same state."""
+    """The logged motion ends in the state of the evaluated one, physics step by step."""
     friction = np.tile(0.1 * walks.LIMITS, (2, 1))
     commands = np.array([walks.FORWARD, walks.CURVE])
     evaluated, logged = walks.start(friction), walks.start(friction)
@@ -40,7 +40,7 @@ def test_logging_does_not_change_the_walk() -> None:
 
 
 def test_sensors_have_the_errors_that_are_stated() -> None:
-    """Intervals are judged against this noise: the grid of the encoder, and the sizes of the rest."""
+    """The log's errors have the stated sizes: the grid of the encoder, and the noise of the rest."""
     truth = walks.walk(np.zeros((1, 18)), [walks.FORWARD], walks.NO_NOISE, seconds=5.0)[0]
     noise = LogNoiseCfg(specific_force_bias=0.2, joint_torque_zero=0.01)
     log = measure_walk(truth, noise, np.random.default_rng(0))
@@ -59,7 +59,7 @@ def test_sensors_have_the_errors_that_are_stated() -> None:
 
 
 def test_a_fall_ends_the_log() -> None:
-    """What a robot does on its back is no walk. This one is pushed over after a second and a half."""
+    """A fall ends the log. This robot is pushed over after a second and a half."""
     rollout = walks.start(np.zeros((2, 18)))
     original, calls = rollout.step, []
 
@@ -84,6 +84,6 @@ def test_what_cannot_be_recorded_is_refused(change: dict) -> None:
 
 
 def test_negative_noise_is_refused() -> None:
-    """It would be added as if it were positive."""
+    """Rejects negative noise."""
     with pytest.raises(StictionError, match="joint_torque"):
         LogNoiseCfg(joint_torque=-1.0)

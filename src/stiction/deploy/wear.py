@@ -126,7 +126,7 @@ class WearMonitor:
 
 def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     """Return the estimate of a window's mean features, shape (features,)."""
-    calibration, unusual = model.calibration, is_unusual(model, mean)
+    calibration, unusual = model.calibration, bool((_standard(model, mean) ** 2).mean() > model.unusual)
     value = raw_estimate(model, mean)
     if calibration is None:
         shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
@@ -154,11 +154,6 @@ def raw_estimate(model: WearModel, mean: np.ndarray) -> np.ndarray:
     """Return the map's estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
     standard = _standard(model, mean)
     return np.where(model.estimated, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
-
-
-def is_unusual(model: WearModel, mean: np.ndarray) -> bool:
-    """Return True if a window is unlike those that the map was fitted on."""
-    return bool((_standard(model, mean) ** 2).mean() > model.unusual)
 
 
 def _standard(model: WearModel, mean: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The ground of an evaluation: flat, or a course of the training that a policy crosses blind.
+"""Ground of an evaluation: flat, or a course of the training that a policy crosses without seeing it.
 
 Over a course the command holds the robot's heading, as in training, and corrects nothing else. A robot that is upright
 beyond the end of the course has crossed it; of stairs it must have climbed all steps.
@@ -43,19 +43,19 @@ START_DISTANCE = REACH + START
 """Distance from the middle of a course back to where robots start [m]."""
 
 PATIENCE = 2.0
-"""A crossing may take this many times what the commanded speed takes."""
+"""Longest time of a crossing over the time at the commanded speed [1]."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """The ground of an evaluation."""
+    """Ground of an evaluation."""
 
     kind: str = "flat"
     size: float = 0.0
     """Height of a step [m], angle of the slope [rad], height of the highest slab [m]; of flat ground 0."""
 
     def __post_init__(self) -> None:
-        """Refuse a course that does not exist."""
+        """Reject a course that does not exist."""
         if self.kind not in KINDS:
             raise ConfigurationError(unknown_name("terrain", self.kind, KINDS))
         steepest = STEEPEST.get(self.kind, 0.0)
@@ -67,25 +67,25 @@ class Course:
 
     @property
     def label(self) -> str:
-        """As it stands in results: `flat`, `stairs=0.1`."""
+        """Name in results: `flat`, `stairs=0.1`."""
         return self.kind if self.is_flat else f"{self.kind}={self.size:g}"
 
     @property
     def is_flat(self) -> bool:
-        """Whether there is nothing to cross."""
+        """True if the ground is flat."""
         return self.kind == "flat"
 
     def takes(self, command: Command) -> bool:
-        """Say whether a command can be walked here: over a course only straight forward."""
+        """Return True if a command can be walked here: over a course only straight forward."""
         forward, *rest = command.velocity
         return self.is_flat or (forward > 0 and not any(rest))
 
     def seconds(self, command: Command, flat: float) -> float:
-        """Return how long a walk lasts [s]: `flat` on flat ground, else as long as it takes, `PATIENCE` times over."""
+        """Return the longest duration of a walk [s]: `flat` on flat ground, else `PATIENCE` times a crossing's."""
         return flat if self.is_flat else PATIENCE * LENGTH / command.speed
 
     def terrain(self, num: int, seed: int = 0) -> Terrain | None:
-        """Return the ground of `num` robots, the same for each, None where it is flat; `seed`: of rough ground."""
+        """Return the ground of `num` robots, the same for each, None where it is flat; seed: of rough ground."""
         if self.is_flat:
             return None
         terrain = Terrain(np.full(num, KINDS.index(self.kind)))
@@ -108,11 +108,11 @@ FLAT = Course()
 
 
 def parse_course(text: str) -> Course:
-    """Return the course that a text names: `flat`, `stairs=0.1`; raise `StictionError` where there is none such."""
+    """Return the course named by a text: `flat`, `stairs=0.1`. Raises `StictionError` for an unknown one."""
     kind, equals, number = text.strip().partition("=")
     if kind in STEEPEST and not equals:
         expected = f"{kind}=SIZE, {UNITS[kind]} up to {STEEPEST[kind]:g}"
-        raise ConfigurationError(f"terrain {kind!r} has no size; expected {expected}")
+        raise ConfigurationError(f"terrain {kind!r} has no size: expected {expected}")
     try:
         size = float(number) if equals else 0.0
     except ValueError:
@@ -121,20 +121,20 @@ def parse_course(text: str) -> Course:
 
 
 def starts(seed: int, count: int) -> np.ndarray:
-    """Return where walks over a course begin: aside [m] and askew [rad], (count, 2), each by its number alone."""
+    """Return the start poses of walks over a course, sideways [m] and heading [rad], (count, 2), each by its number."""
     return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, HEADING_ERROR)
 
 
 def line_up(fleet: Fleet, start: np.ndarray) -> None:
     """Put robots before their courses; start: as from `starts`, shape (k, 2): robot i gets row i modulo k."""
     fleet.show_terrain(np.arange(fleet.num_envs))
-    aside, askew = np.tile(start, (fleet.num_envs // len(start), 1)).T
-    fleet.base_position[:, 0], fleet.base_position[:, 1] = -START_DISTANCE, aside
-    fleet.base_quaternion[:] = about(2, askew)
+    sideways, heading = np.tile(start, (fleet.num_envs // len(start), 1)).T
+    fleet.base_position[:, 0], fleet.base_position[:, 1] = -START_DISTANCE, sideways
+    fleet.base_quaternion[:] = about(2, heading)
 
 
 def course_commands(fleet: Fleet, speed: np.ndarray) -> Commands:
-    """Return what commands a fleet along its courses at speeds (N,) [m/s], velocities of shape (N, 3)."""
+    """Return the commands of a fleet along its courses at speeds (N,) [m/s], velocities of shape (N, 3)."""
 
     def commands(number: int) -> np.ndarray:
         fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER_TRUNK]).mean(-1)
@@ -144,35 +144,37 @@ def course_commands(fleet: Fleet, speed: np.ndarray) -> Commands:
 
 
 def straight_on(yaw: np.ndarray | float) -> np.ndarray:
-    """Return the turn rate that brings a robot with that yaw [rad] back to the direction x [rad/s]."""
+    """Return the turn rate [rad/s] that turns a robot with that yaw [rad] back to the direction x."""
     return hold_heading(-np.asarray(yaw), TerrainCfg.heading_gain)
 
 
 def crossed(position: np.ndarray, upright: np.ndarray, stairs: bool) -> np.ndarray:
-    """Return whether each robot is beyond its course upright at each step, (T, N); `stairs`: after the landing."""
+    """Return True for each robot and step upright beyond the course, (T, N); stairs: only after the landing."""
     over = (position[..., 0] > REACH + FINISH_MARGIN) & upright
     return over & (steps_passed(position, upright)[0] == STEPS) if stairs else over
 
 
 def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return steps passed upright until each moment, up and down, (T, N); position: of the base, (T, N, 2) [m]."""
+    """Return the steps passed upright until each moment, up and down, (T, N); position: of the base, (T, N, 2) [m]."""
     level = stair_height(position, np.ones((1, 1)))
     up = np.maximum.accumulate(level * upright)
-    # On the far side the level falls again: what it lacks of the highest that was reached are the steps down.
+    # On the far side the level falls again: its drop below the highest level reached is the steps down.
     down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
     return up, down
 
 
 SETTLE = 2.0
-"""What is not measured at the start of a walk [s]: the robot gets up to speed."""
+"""Time at the start of a walk that is not measured [s]: the robot accelerates."""
 
 
 def untrained(commands: Iterable[Command], contract: Contract) -> str:
-    """Return which of the commands a policy was not trained for, and what it was; nothing where it was for all."""
-    # Not above: who only reads commands, such as a study's options, loads no runtime.
+    """Return a note on commands outside a policy's training range, and that range; empty if all are inside."""
+    # Imported here: code that only reads commands, such as a study's options, loads no runtime.
     from stiction.deploy.plausibility import command_range
 
     low, high = command_range(contract)
-    beyond = [one.label for one in commands if not ((low <= one.velocity) & (one.velocity <= high)).all()]
+    beyond = [
+        command.label for command in commands if not ((low <= command.velocity) & (command.velocity <= high)).all()
+    ]
     spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
     return f"command {', '.join(beyond)}: the policy was trained for {spans}" if beyond else ""

@@ -1,6 +1,6 @@
-"""Drives a policy bundle over friction levels and commands in MuJoCo, in one batch, a robot for every episode.
+"""Evaluation of a policy bundle over friction levels and commands in MuJoCo, in one batch, one robot per episode.
 
-Episode e meets the same initial state and sensor noise at every level and command.
+Episode e has the same initial state and sensor noise at every level and command.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 ENGINE = "mujoco"
 
 MAX_ROBOT_SECONDS = 400_000.0
-"""Most robots at once times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
+"""Maximum number of robots at once times seconds [s]: at 50 Hz the recording of these fills some 700 MB."""
 
 
 FLEET = (
@@ -48,10 +48,10 @@ FLEET = (
     *(f"files/{name}.py" for name in ("method", "contract", "known_friction", "observation", "velocity", "walk")),
     *(f"evaluation/{name}.py" for name in ("course", "evaluate", "metrics", "policies", "rollout")),
 )
-"""Code that decides the motion of robots under a contract in the simulator of the training."""
+"""Code that determines the motion of robots under a contract in the simulator of the training."""
 
 WALK_CODE = (*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py", "evaluation/grid.py")
-"""Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
+"""Code that determines the metrics of a bundle's walk; keys also contain the `binaries` of the engine."""
 
 RUN_WALK_CODE = (
     *FLEET,
@@ -60,44 +60,44 @@ RUN_WALK_CODE = (
     *(f"task/{name}.py" for name in ("config", "observations", "randomization", "symmetry", "task_fleet")),
     *("evaluation/export.py", "evaluation/newest.py"),
 )
-"""Code that decides the walks of a run's teacher and student; beside it keys have `RunDirectory.walks_by`."""
+"""Code that determines the walks of a run's teacher and student; keys also contain `RunDirectory.walks_by`."""
 
 
 @dataclass(frozen=True)
 class EvaluationCfg:
-    """What a policy is put through."""
+    """Conditions of the evaluation of a policy."""
 
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
-    """Dry friction as fractions of each joint's torque limit [-]; of `load` and `effort` their coefficients."""
+    """Dry friction as a fraction of each joint's torque limit [-]; coefficient for `load` and `effort`."""
     commands: tuple[str, ...] = DIRECTIONS
-    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`; `all`: the set that a policy has to follow."""
+    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`; `all`: the command set."""
     episodes: int = 32
     """Episodes per level and command."""
     seconds: float = 20.0
     """Length of an episode [s]."""
     settle: float = SETTLE
-    """What is not measured at the start of an episode [s]: the robot gets up to speed."""
+    """Time at the start of an episode that is not measured [s]: the robot accelerates."""
     seed: int = 0
     """Seed of initial states and sensor noise."""
     noise: NoiseCfg = field(default_factory=NoiseCfg)
     """Sensor noise, as in training."""
     action_delay: float = 0.0
-    """Delay between target and motor [s], in whole physics steps; at most what the robot's model holds."""
+    """Delay between target and motor [s], in whole physics steps; at most the buffer of the robot's model."""
     friction_law: str = "coulomb"
-    """Law of the dry friction, whatever the policy was trained with."""
+    """Law of the dry friction, independent of the policy's training."""
     static_ratio: float = 1.5
     """Friction at rest over friction in motion, of the law `stribeck`."""
     stribeck_velocity: float = 0.1
-    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+    """Velocity at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
     terrain: str = "flat"
-    """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
+    """Ground: `flat`, or a course crossed straight forward: `stairs=0.1`, `slope=0.2`, `rough=0.05`."""
     known_friction: str = "contract"
-    """Friction given to policies that observe it, see `parse_source`: `contract`, `true`, `true*0.7`."""
+    """Source of the friction that a policy observes, see `parse_source`: `contract`, `true`, `true*0.7`."""
     first_episode: int = 0
-    """Number of the first episode: its start and noise are those of its number."""
+    """Number of the first episode; start and noise of an episode follow from its number."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be evaluated."""
+        """Validate the conditions."""
         unit = "coefficients" if has_coefficient(self.law.name) else "fractions of the torque limit"
         for level in self.friction_levels:
             if not 0.0 <= level <= MAX_LEVEL:
@@ -122,32 +122,32 @@ class EvaluationCfg:
         if not 0.0 <= self.action_delay < math.inf:
             raise ConfigurationError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
         parse_source(self.known_friction)
-        # Raises where the seed is none.
+        # Raises for an invalid seed.
         seed_streams(self.seed, ["episode"])
 
     @property
     def law(self) -> Law:
-        """The law with its own numbers. Raises `StictionError` where they make none."""
+        """Friction law with its parameters. Raises `StictionError` where they are invalid."""
         return Law(self.friction_law, self.static_ratio, self.stribeck_velocity)
 
     @property
     def parsed_commands(self) -> tuple[Command, ...]:
-        """The commands as velocities."""
+        """Commanded velocities, parsed."""
         return tuple(parse_command(text) for text in (COMMAND_SET if self.commands == (EVERY,) else self.commands))
 
     @property
     def course(self) -> Course:
-        """The terrain. Raises `StictionError` where there is none of that name."""
+        """Ground of the walks. Raises `StictionError` for an unknown terrain."""
         return parse_course(self.terrain)
 
     @property
     def duration(self) -> float:
-        """Length of every episode [s]: `seconds` on flat ground, else what the slowest crossing may take."""
+        """Length of every episode [s]: `seconds` on flat ground, else the longest time of the slowest crossing."""
         return max(self.course.seconds(command, self.seconds) for command in self.parsed_commands)
 
     @property
     def conditions(self) -> dict[str, float]:
-        """What evaluation holds fixed and training randomises."""
+        """Values fixed by the evaluation and randomised in training."""
         fixed = {"encoder_offset": 0.0, "ground_friction": 1.0, "push_velocity": 0.0, "payload": 0.0}
         return {"action_delay": self.action_delay, **fixed}
 
@@ -158,7 +158,7 @@ class EvaluationCfg:
 
     @property
     def num_robots(self) -> int:
-        """Robots in the batch."""
+        """Number of robots in the batch."""
         return len(self.friction_levels) * len(self.commands) * self.episodes
 
     @property
@@ -175,7 +175,7 @@ class EvaluationCfg:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one policy reached."""
+    """Results of one policy."""
 
     rows: tuple[ResultRow, ...]
     metrics: tuple[Metrics, ...]
@@ -196,16 +196,16 @@ def evaluate_bundle(
 
 @dataclass(frozen=True)
 class Driven:
-    """What a policy's robots did."""
+    """Motion of a policy's robots."""
 
     spec: Robot
     weight: float
     parts: tuple[tuple[float, Command, Recording], ...]
-    """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
+    """Friction level, command and measured part of the episodes, for each level and command in row order."""
 
 
 def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> Evaluation:
-    """Return the metrics of the robots' walks; `name` is what the rows call the policy."""
+    """Return the metrics of the robots' walks; name: of the policy in the rows."""
     rows, measured, each = [], [], []
     robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
     for level, command, part in driven.parts:
@@ -221,7 +221,7 @@ def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> 
             terrain=cfg.course.label,
             command=command.label,
             episodes=cfg.episodes,
-            slowest_walk=slowest_of(command, (one.mean_velocity for one in episodes)),
+            slowest_walk=slowest_of(command, (episode.mean_velocity for episode in episodes)),
             **metrics.columns,
         )
         rows.append(row)
@@ -238,7 +238,7 @@ def drive_bundle(
     progress: Callable[[float], None] = lambda share: None,
     compensation: FrictionController | None = None,
 ) -> Driven:
-    """Drive a checked bundle and return what its robots did; arguments and errors as of `drive`."""
+    """Drive a checked bundle and return the motion of its robots; arguments and errors as of `drive`."""
     from stiction.evaluation.rollout import friction_at
 
     spec = robot_of(bundle.contract, robot)
@@ -290,10 +290,10 @@ def drive(
     progress: Callable[[float], None] = lambda share: None,
     compensation: FrictionController | None = None,
 ) -> Driven:
-    """Drive robots over levels and commands and return what they did.
+    """Drive robots over levels and commands and return their motion.
 
-    policy: its batch (cfg.num_robots,), robot i at level i of `cfg.robot_levels`; compensation: see `Rollout`; threads
-    do not change the result. Raises `StictionError` where the robot or delay does not fit, or for too many at once.
+    policy: with batch (cfg.num_robots,), robot i at level i of `cfg.robot_levels`; compensation: see `Rollout`; threads
+    do not change the result. Raises `StictionError` where robot or delay do not fit, or for too many robots at once.
     """
     if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
         raise ConfigurationError(

@@ -1,7 +1,7 @@
-"""Turns a trained student into a policy bundle. Needs torch and onnx.
+"""Export of a trained student as a policy bundle. Needs torch and onnx.
 
-Golden vectors are recorded with the policy as training computes it and replayed with the runtime's, NumPy and
-onnxruntime.
+Golden vectors are recorded with the policy as training computes it, and replayed with NumPy and onnxruntime as in the
+robot's runtime.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def write_card(contract: Contract) -> str:
 
 
 def _more_friction(contract: Contract) -> str:
-    """Return what the card says of friction beside the range; nothing where there is none."""
+    """Return the card's text on friction besides its range; empty without any."""
     texts = {
         "friction_spread": "; times {:g} to {:g} in each joint",
         "friction_load": "; beside it {:g} to {:g} of what the joint transmits",
@@ -129,7 +129,7 @@ def _more_friction(contract: Contract) -> str:
 
 
 def _known_friction_line(contract: Contract) -> str:
-    """Return the card's line on the friction that the policy is given; nothing for one that observes none."""
+    """Return the card's line on the friction that the policy observes; empty for a policy that observes none."""
     known, file = contract.known_friction, contract.known_friction_file
     if known is None:
         return ""
@@ -143,10 +143,10 @@ def _file_text(file: Mapping[str, str]) -> str:
 
 
 OPSET = 18
-"""ONNX operator set: old enough for every onnxruntime of the last years."""
+"""ONNX operator set, supported by every onnxruntime of the last years."""
 
 EXAMPLE_BATCH = 2
-"""Batch of the example input: with one, the exporter would take the batch for a constant."""
+"""Batch of the example input: with 1, the exporter would treat the batch as a constant."""
 
 
 def export_run(
@@ -163,10 +163,10 @@ def export_run(
     """Export the student of a training run, write its bundle, and check what was written.
 
     wear: the wear.json of `stiction study adaptation`; joints: the joints.json of a robot, for a policy that observes
-    its joints' friction; joint_map: RECORDED=JOINT pairs; say: called with what the joints.json lacks; robot: see
-    `RunDirectory.adopt`; maker_targets: CSV of recorded targets in the maker's order;
-    corrected: False to leave out the correction of commands. Raises `StictionError` for a run
-    that is not finished, files of another student or robot, or where `out` exists.
+    its joints' friction; joint_map: RECORDED=JOINT pairs; say: called with each note on missing joints; robot: see
+    `RunDirectory.adopt`; maker_targets: CSV of recorded targets in the maker's order; corrected: False to omit the
+    correction of commands. Raises `StictionError` for an unfinished run, files of another student or robot, and an
+    existing `out`.
     """
     refuse_alone(joint_map, joints)
     directory = RunDirectory(run)
@@ -185,7 +185,7 @@ def export_run(
     if joints is not None:
         contract = with_bench(contract, joints, say, joint_map)
     if maker_targets is not None:
-        VendorMap(contract)  # Where it is not known, nothing is written.
+        VendorMap(contract)  # Raises for an unknown vendor, before anything is written.
     check = export_policy(load_student(directory), contract, out, model)
     if maker_targets is not None:
         write_maker_targets(check.bundle, maker_targets)
@@ -200,16 +200,16 @@ def with_bench(
         raise ConfigurationError(requirement("--joints", "a policy trained with --task.known-friction"))
     file, limits = mapped(load_joints(path), joint_map, contract.joint_names), contract.array("torque_limit")
     nominal = nominal_known(contract, robot_of(contract))
-    found = bench_friction(file, contract.joint_names, contract.kinds, limits, nominal)
-    if len(found.missing) == contract.num_joints:
+    bench = bench_friction(file, contract.joint_names, contract.kinds, limits, nominal)
+    if len(bench.missing) == contract.num_joints:
         raise FileError(
-            f"{path} has {', '.join(file.joints)}, and no friction of {', '.join(contract.joint_names[:3])} and so on; "
-            "identify joints of this robot"
+            f"{path} has joints {', '.join(file.joints)}, expected {', '.join(contract.joint_names[:3])} and so on; "
+            "identify the joints of this robot"
         )
-    for note in found.notes:
+    for note in bench.notes:
         say(note)
     source = {"name": path.name, "sha256": digest_of(path)}
-    return replace(contract, known_friction=found.share, known_friction_file=source)
+    return replace(contract, known_friction=bench.share, known_friction_file=source)
 
 
 def _wear_of(run: RunDirectory, path: Path) -> WearModel:
@@ -217,12 +217,12 @@ def _wear_of(run: RunDirectory, path: Path) -> WearModel:
     expected = "the RUN-wear.json of `stiction study adaptation`"
     model = read_wear(read_bounded(path, expected, FileError, MAX_BYTES[WEAR]))
     if model.student != run.student_digest():
-        raise FileError(f"{path} is of another student than {run.path}; make it with `stiction study adaptation`")
+        raise FileError(f"{path} belongs to another student than {run.path}; make it with `stiction study adaptation`")
     return model
 
 
 def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
-    """Return the contract of a run; header: of its config.json, perhaps without `config`."""
+    """Return the contract of a run; header: of its config.json, with or without `config`."""
     task = cfg.task
     spec, identified = find_robot(task.robot), header["identified"]
     check_named(spec)
@@ -235,7 +235,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     narrowest = float((spec.joint_values("upper") - spec.joint_values("lower")).min())
     angle, push = friction_angle(task.friction, joints, spec), BY_SPEED.push
 
-    # Where the program lay, and the run, says nothing to others.
+    # Paths of this machine mean nothing elsewhere.
     words = [Path(word).name if Path(word).is_absolute() else word for word in shlex.split(str(header["command"]))]
 
     def of_joints(name: str) -> tuple[float, ...]:
@@ -291,16 +291,16 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
 
 def _settings(cfg: TrainCfg, header: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of a run that differ from the defaults, with the names of reward terms of one's own."""
+    """Return the settings of a run that differ from the defaults, including the names of user-defined reward terms."""
     if "config" in header:
-        # The configuration of a run has none of them, see `RunDirectory.config`: here they are names alone.
-        own = config_from(header["config"], "config.json").task.rewards.own
-        cfg = replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
+        # The configuration of a run omits them, see `RunDirectory.config`: here only their names are used.
+        terms = config_from(header["config"], "config.json").task.rewards.own
+        cfg = replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=terms)))
     return settings_of(cfg)
 
 
 def _command_range(task: TaskCfg) -> dict[str, tuple[float, float]]:
-    """Return the velocity commands of a training: those that it draws, those on its courses, and standing."""
+    """Return the range of velocity commands of a training: drawn commands, those on its courses, and standing."""
     spans = {name: [getattr(task.commands, name)] for name in COMMANDS}
     if task.terrain.kind != "flat":
         spans["forward"].append(task.terrain.speed)
@@ -311,9 +311,9 @@ def _command_range(task: TaskCfg) -> dict[str, tuple[float, float]]:
 
 
 def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: WearModel | None = None) -> BundleCheck:
-    """Write the bundle of a network, (N, size) float32 -> actions (N, J), and check it against what torch computed.
+    """Write the bundle of a network, (N, size) float32 -> actions (N, J), and check it against torch's results.
 
-    Raises `StictionError` where `out` exists, the robot is unknown, or the bundle does not pass its own check.
+    Raises `StictionError` where `out` exists, the robot is unknown, or the bundle fails its own check.
     """
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
@@ -323,7 +323,7 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
 
 
 class WithVelocity(torch.nn.Module):
-    """A policy and its estimate of the base's velocity: observations (N, size) -> actions (N, J), velocity (N, 2)."""
+    """Policy with its estimate of the base's velocity: observations (N, size) -> actions (N, J), velocity (N, 2)."""
 
     def __init__(self, policy: Any) -> None:
         """Take a policy with a method `with_velocity`."""
@@ -336,7 +336,7 @@ class WithVelocity(torch.nn.Module):
 
 
 def export_network(module: torch.nn.Module, observation_size: int, estimates: bool = False) -> bytes:
-    """Return a network as ONNX: one file, one input, any batch, nothing of this machine in it.
+    """Return a network as ONNX: one file, one input, any batch, no data of this machine.
 
     estimates: True for a second output, the velocity of the base.
     """
@@ -365,7 +365,7 @@ def export_network(module: torch.nn.Module, observation_size: int, estimates: bo
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Suppress the exporter's output, logs and warnings, none of which is meant for the user."""
+    """Suppress the exporter's output, logs and warnings."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -387,7 +387,7 @@ def _strip(model: Any) -> None:
 
 
 class TrainedPolicy:
-    """Sensors and command in, joint targets out, by the modules of training."""
+    """Policy by the modules of training: sensors and command in, joint targets out."""
 
     def __init__(
         self, module: torch.nn.Module, contract: Contract, num: int = 1, known_friction: np.ndarray | None = None
@@ -395,7 +395,7 @@ class TrainedPolicy:
         """Start with an empty history.
 
         module: observations (num, size), float32 -> actions (num, J); known_friction: f/τ_max of each kind of joint
-        [-], (kinds,) or (num, kinds), by default what the contract says. Raises `StictionError` where it does not fit.
+        [-], (kinds,) or (num, kinds), by default that of the contract. Raises `StictionError` where it does not fit.
         """
         self._contract, layout = contract, contract.observation
         self._module = (WithVelocity(module) if contract.estimates_velocity else module).eval()
@@ -413,14 +413,14 @@ class TrainedPolicy:
         self._known = {} if known is None else {TERM: to_tensor(friction_of_robots(layout, known, (num,)))}
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Forget the history and the last action of the robots in `mask` (bool, shape (num,)), of all without."""
+        """Clear the history and the last action of the robots in `mask` (bool, shape (num,)), by default of all."""
         chosen = torch.ones_like(self._fresh) if mask is None else torch.from_numpy(np.asarray(mask, dtype=bool))
         self._fresh = self._fresh | chosen
         self._last_action[chosen] = 0.0
 
     @torch.no_grad()
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Advance by one control period; `command`: forward, sideways [m/s], turn [rad/s], shape (num, 3)."""
+        """Advance by one control period; command: forward, sideways [m/s], turn [rad/s], shape (num, 3)."""
         raw = {
             "angular_velocity": to_tensor(sensors.angular_velocity),
             "roll_pitch": roll_pitch(to_tensor(sensors.quaternion)),
@@ -452,7 +452,7 @@ class TrainedPolicy:
         if contract.compensation is not None:
             angle = to_tensor(contract.array("compensation"))
             target = compensated(target, raw["joint_position"], raw["joint_velocity"], angle, contract.push)
-        # A copy: `reset` writes zeros into it, and the step that is handed out shares the other's memory.
+        # A copy: `reset` writes zeros into it, and the returned step shares the original's memory.
         self._last_action = action.clone()
-        reached = None if estimate is None else estimate.numpy()
-        return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy(), reached)
+        base_velocity = None if estimate is None else estimate.numpy()
+        return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy(), base_velocity)

@@ -1,4 +1,4 @@
-"""Records golden vectors: one robot walks in MuJoCo, and what it measured and its policy answered is kept. No torch."""
+"""Recording of golden vectors: one robot walks in MuJoCo; its sensors and its policy's answers are stored. No torch."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from stiction.robots.model import Robot
 from stiction.virtual.drive import drive
 
 STEPS = 600
-"""Recorded steps: 12 s at 50 Hz."""
+"""Number of recorded steps: 12 s at 50 Hz."""
 
 RESET_EVERY, COMMAND_EVERY = 200, 50
 
+"""Steps between two resets, and between two new commands."""
 COMMAND_BOUND = (0.6, 0.3, 0.6)
 """Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
 
 
 EXTREME_STEPS = 24
-"""Recorded steps of readings that no walk has, behind those of the walk."""
+"""Number of recorded steps with readings beyond any walk, after those of the walk."""
 
 EXTREME_SHARES = (0.0, 0.25, 0.5, 1.0)
-"""Shares of the joints that are at their clips in such a step, in turn; at least one."""
+"""Share of the joints at their clips in such a step, in turn; at least one joint."""
 
 
 def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0) -> Golden:
-    """Drive one robot with the contract's nominal joints.
+    """Drive one robot with the contract's nominal joints; return its readings and its policy's answers.
 
-    Return what it measured and what the policy, of one, computed. Behind the walk, after one more reset, come readings
-    that drive observation, action and torque to their limits.
+    policy: for one robot. After the walk and one more reset, the readings drive observation, action and torque to their
+    limits.
     """
     streams = seed_streams(seed, ["golden noise", "golden commands", "golden extremes"])
     noise = [streams["golden noise"]]
@@ -56,7 +57,7 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
 
     for step in drive(rollout, command, STEPS):
         steps.append((step.sensors, step.policy))
-        # The reset is made, and recorded, at the next step: what the policy answered in this one stays what it was.
+        # The reset is made, and recorded, at the next step: the policy's answer in this step stays.
         needs_reset = bool(rollout.truth().fallen[0])
     rollout.loop.reset()
     resets[STEPS] = True
@@ -79,9 +80,9 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
 def extreme_reading(
     contract: Contract, walked: Sensors, command: np.ndarray, step: int, generator: np.random.Generator
 ) -> tuple[Sensors, np.ndarray]:
-    """Return a reading and a command, some of whose entries are beyond the clips of the observation, at some step.
+    """Return a reading and a command at a step, with some entries beyond the clips of the observation.
 
-    Every fourth step all joints are, and the base. walked: a reading of one robot, shapes (1, ...), for all else.
+    Every fourth step all joints and the base are beyond. walked: a reading of one robot, shapes (1, ...), for the rest.
     """
     share, rest = EXTREME_SHARES[step % len(EXTREME_SHARES)], contract.array("standing")
     readings = {name: value.copy() for name, value in walked.arrays().items()} | {"command": command[None]}

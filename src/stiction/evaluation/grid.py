@@ -1,4 +1,4 @@
-"""The grid of an evaluation: engines, with or without a virtual robot, levels, grounds, commands, episodes."""
+"""Grid of an evaluation: engines, with or without a virtual robot, levels, grounds, commands, episodes."""
 
 from __future__ import annotations
 
@@ -30,68 +30,64 @@ if TYPE_CHECKING:  # A batch needs none of it.
     from stiction.virtual.trial import CommandSource, RobotCase, World
 
 BATCH = "mujoco"
-"""The simulator of the training, all its robots at once; the default of `stiction evaluate`."""
+"""Simulator of the training, with all robots at once; the default of `stiction evaluate`."""
 
 BATCH_COST = 0.05
-"""Time that a robot of its batch takes, in the unit of `EngineSpec.cost`."""
+"""Time per robot of its batch, in the unit of `EngineSpec.cost`."""
 
 MOST_WALKS = 200_000
+"""Maximum number of walks of a policy in a grid."""
 
 ALONE = {spec.alone: name for name, spec in ENGINES.items()}
-"""Name of a shipped engine with one robot in it, as in results.csv -> its name in the registry of engines."""
+"""Name of a shipped engine with one robot, as in results.csv -> its name in the registry of engines."""
 
 
 @dataclass(frozen=True)
 class Simulator:
-    """An engine and the robot in it."""
+    """Engine and the robot in it."""
 
     engine: str
-    """`mujoco`, the simulator of the training; one of `ALONE`; or one's own, `package.module:VARIABLE`."""
+    """Engine: `mujoco`, the simulator of the training; one of `ALONE`; or a user's, `package.module:VARIABLE`."""
     cell: str | None = None
-    """Of a virtual robot, what of it is real (see `Case.cell`); None: the robot of the data sheet."""
+    """Real properties of the virtual robot (see `Case.cell`); None: the robot of the data sheet."""
 
     @property
     def label(self) -> str:
-        """As it stands in results.csv: `physx`, `physx+all`."""
+        """Name in results.csv: `physx`, `physx+all`."""
         return self.engine if self.cell is None else f"{self.engine}+{self.cell}"
 
     @property
     def is_batch(self) -> bool:
-        """Whether all its robots are simulated at once."""
+        """True if all its robots are simulated at once."""
         return self.engine == BATCH
 
     @property
     def spec(self) -> EngineSpec:
-        """What the registry says of the engine. Raises `StictionError` where one's own cannot be found."""
+        """Entry of the engine in the registry. Raises `StictionError` where a user's engine cannot be imported."""
         return find_engine(ALONE.get(self.engine, self.engine))
 
 
 def parse_simulator(text: str) -> Simulator:
-    """Return the simulator in a text: an engine, and after a `+` a cell of the virtual robot.
-
-    Raises `StictionError`.
-    """
+    """Return the simulator in a text: an engine, and after a `+` a virtual robot's cell. Raises `StictionError`."""
     engine, plus, cell = text.strip().partition("+")
     if ":" in engine:
         find_engine(engine)
     elif engine not in (BATCH, *ALONE):
         virtual = f"physx+{', physx+'.join(CELLS)}"
         raise EngineError(
-            f"{unknown_name('engine', engine, (BATCH, *ALONE))}; one of your own: package.module:VARIABLE; with a "
+            f"{unknown_name('engine', engine, (BATCH, *ALONE))}; for your own, give package.module:VARIABLE; with a "
             f"virtual robot in it: {virtual}"
         )
     if plus and engine == BATCH:
-        raise ConfigurationError(
-            f"engine {text!r}: a virtual robot is alone in its engine; expected mujoco-alone+{cell}"
-        )
+        raise ConfigurationError(f"engine: got {text!r}, expected mujoco-alone+{cell} for a virtual robot")
     if plus:
-        # Raises where there is no such cell.
+        # Raises for an unknown cell.
         _ = Case(FIRST_REPORTED, cell, Level(0.0)).groups
     return Simulator(engine, cell if plus else None)
 
 
 def check_fed_law(law: str, ways: Sequence[Compensation]) -> None:
-    """Raise `ConfigurationError` where one of the ways cannot feed the friction of a law at its level."""
+    """Raise `ConfigurationError` where one of the ways cannot feed forward the friction of a law at its level."""
     unfed = [way.label for way in ways if law != LOAD_LAW or not way.feeds_load]
     if has_coefficient(law) and unfed:
         raise ConfigurationError(
@@ -102,10 +98,10 @@ def check_fed_law(law: str, ways: Sequence[Compensation]) -> None:
 
 @dataclass(frozen=True)
 class GridCfg:
-    """The conditions under which every policy is evaluated."""
+    """Conditions of the evaluation of every policy."""
 
     base: EvaluationCfg = field(default_factory=EvaluationCfg)
-    """Friction levels and law, commands, episodes from 0 on, seconds, seed. Its terrain is not read."""
+    """Friction levels and law, commands, episodes from 0 on, seconds, seed. Its terrain is not used."""
     engines: tuple[str, ...] = (BATCH,)
     """Engines, as `parse_simulator` reads them."""
     terrains: tuple[str, ...] = ("flat",)
@@ -115,14 +111,14 @@ class GridCfg:
     robot_levels: tuple[str, ...] = ()
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
     forward: tuple[str, ...] = ()
-    """Bundles, by name, that also walk with friction fed forward, see `stiction.evaluation.benches`."""
+    """Names of bundles that also walk with friction fed forward, see `stiction.evaluation.benches`."""
     forward_by: tuple[str, ...] = ("measured",)
-    """How it is fed forward, as `parse_compensation` reads it; each is a policy of its own."""
+    """Ways to feed friction forward, as `parse_compensation` reads them; each counts as a separate policy."""
     forward_only: bool = False
-    """Whether the policies of `forward` walk with it alone: their walks without are in another grid."""
+    """True if the policies of `forward` walk only with it; their other walks are in another grid."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be walked."""
+        """Validate the conditions."""
         for name in ("engines", "terrains", "robots", "robot_levels", "forward", "forward_by"):
             least = 0 if name in ("robot_levels", "forward") else 1
             check_once(name.replace("_", " "), getattr(self, name), least)
@@ -140,28 +136,28 @@ class GridCfg:
         alone = [simulator.label for simulator in self.simulators if not simulator.is_batch]
         if alone and self.base.action_delay:
             raise ConfigurationError(
-                f"{alone[0]} with an action delay: only {BATCH} has it; a virtual robot has delays of its own"
+                f"action delay: got one with {alone[0]}, expected {BATCH} alone; a virtual robot has its own delays"
             )
         self._check_forward()
         if any(each.cell for each in self.simulators) and has_coefficient(self.base.law.name) and not self.robot_levels:
             raise ConfigurationError(
-                "virtual robots have a law of their own; give their --robot-levels, such as 0.1 bench"
+                "virtual robots have their own friction law; give their --robot-levels, e.g. 0.1 bench"
             )
 
     def _check_forward(self) -> None:
-        """Refuse friction fed forward in ways that there are not, where there is no one torque to feed, or late."""
+        """Reject unknown or repeated ways to feed friction forward, laws without such a torque, and an action delay."""
         ways = [parse_compensation(text) for text in self.forward_by]
         check_once("friction fed forward by", [way.label for way in ways], least=0)
         if not self.forward:
             return
         if self.base.action_delay:
-            raise ConfigurationError("friction fed forward with an action delay: give one of the two")
+            raise ConfigurationError("friction fed forward cannot be combined with an action delay; remove one")
         if any(each.cell is None for each in self.simulators):
             check_fed_law(self.base.law.name, ways)
 
     @property
     def simulators(self) -> tuple[Simulator, ...]:
-        """The engines, parsed."""
+        """Engines, parsed."""
         return tuple(parse_simulator(text) for text in self.engines)
 
     @property
@@ -175,22 +171,22 @@ class GridCfg:
         return list(self.robots) if any(simulator.cell for simulator in self.simulators) else []
 
     def on(self, terrain: str) -> EvaluationCfg:
-        """Return the configuration on one ground, with the commands that lead over it. Raises `StictionError`."""
+        """Return the configuration on one ground, with the commands that cross it. Raises `StictionError`."""
         course = parse_course(terrain)
         commands = tuple(command.label for command in self.base.parsed_commands if course.takes(command))
         if not commands:
-            given = ", ".join(self.base.commands)
+            labels = ", ".join(self.base.commands)
             raise ConfigurationError(
-                f"terrain {terrain}: none of the commands {given} leads over it; add one such as vx=0.4"
+                f"terrain {terrain}: none of the commands {labels} leads over it; add one such as vx=0.4"
             )
         return replace(self.base, terrain=course.label, commands=commands)
 
     def cell(self, terrain: str, command: str) -> EvaluationCfg:
-        """Return the configuration under one command alone, by its label, which over a course sets the duration."""
+        """Return the configuration under one command, by its label; over a course the command sets the duration."""
         return replace(self.on(terrain), commands=(command,))
 
     def settings(self) -> dict[str, Any]:
-        """Return everything that a walk depends on beside its own fields, as plain data."""
+        """Return the settings that affect a walk besides its own fields, as plain data."""
         names = ("episodes", "seconds", "settle", "seed", "noise", "action_delay", "static_ratio", "stribeck_velocity")
         return {name: value for name, value in asdict(self.base).items() if name in names}
 
@@ -199,7 +195,7 @@ REAL = "real"
 """Law of a virtual robot's friction in results.csv: Stribeck's, different in every joint."""
 
 BATCH_SECONDS = 320.0
-"""Most robots times seconds of one batch [s], or one robot: some three seconds of work, lost by an interruption."""
+"""Maximum number of robots times seconds in one batch [s], or one robot: some three seconds of work lost at a stop."""
 
 
 @dataclass(frozen=True)
@@ -209,52 +205,50 @@ class Walk:
     policy: str
     simulator: Simulator
     law: str
-    """Law of the friction; of a virtual robot with friction `REAL`."""
+    """Law of the friction; `REAL` for the friction of a virtual robot."""
     level: str
     """Friction, as a number or as `parse_level` reads it."""
     terrain: str
     command: str
     episode: int
-    """Number of start pose and noise."""
+    """Number of the episode; it sets start pose and noise."""
     robot: int | None = None
     forward: tuple[float, ...] | None = None
-    """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
+    """Friction fed forward by the joint controllers [N m], of each joint; None: none."""
     forward_by: str = "error"
     forward_load: tuple[float, ...] | None = None
-    """Friction per torque of the motor that is fed beside it [1], of each joint; None: no coefficient is known, or the
-    way has none."""
+    """Friction per motor torque that is also fed forward [1], of each joint; None: unknown, or not fed in this way."""
     known: tuple[float, ...] | None = None
-    """Friction given to a policy that observes it, f/τ_max of each kind of joint [-]; None: what its contract says, or
-    none."""
+    """Friction observed by the policy, f/τ_max of each kind of joint [-]; None: that of its contract, or none."""
 
     @property
     def name(self) -> str:
-        """What rows of results call the policy."""
+        """Name of the policy in rows of results."""
         return self.policy + self.suffix
 
     @property
     def suffix(self) -> str:
-        """Behind the names of policy and method."""
+        """Suffix of the names of policy and method."""
         return "" if self.forward is None else fed_suffix(parse_compensation(self.forward_by))
 
     @property
     def cell(self) -> tuple[str, ...]:
-        """What the walks of one row of results.csv share."""
+        """Properties shared by the walks of one row of results.csv."""
         return self.name, self.simulator.label, self.law, self.level, self.terrain, self.command
 
 
 def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
-    """Return every walk without friction fed forward, those of a row together; each virtual robot walks `episodes`."""
+    """Return every walk without friction fed forward, grouped by row; each virtual robot walks `episodes`."""
     return _walks([name for name in policies if not (cfg.forward_only and name in cfg.forward)], cfg)
 
 
 def plan_forward(cfg: GridCfg) -> list[Walk]:
-    """Return every walk that is to be walked with friction fed forward, still without it."""
+    """Return every walk planned with friction fed forward, with its friction not yet set."""
     return [replace(walk, forward_by=by) for by in cfg.forward_by for walk in _walks(cfg.forward, cfg)]
 
 
 def _walks(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
-    """Return every combination once."""
+    """Return each combination of conditions once."""
     walks = []
     for policy in policies:
         for simulator in cfg.simulators:
@@ -271,10 +265,10 @@ def _walks(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
 
 
 def _frictions(simulator: Simulator, cfg: GridCfg) -> list[tuple[str, str, tuple[int | None, ...]]]:
-    """Return law, level and robots of every friction that is met in a simulator."""
+    """Return law, level and robots of every friction in a simulator."""
     if simulator.cell is None:
         return [(cfg.base.friction_law, f"{level:g}", (None,)) for level in cfg.base.friction_levels]
-    # Cells and levels are the same for every robot: one tells them.
+    # Cells and levels are the same for every robot: the first is enough.
     cases = factorial(cfg.robots[:1], cfg.levels_of_robots, (simulator.cell,))
     law = REAL if "friction" in cases[0].groups else Law().name
     return [(law, case.level.label, cfg.robots) for case in cases]
@@ -282,7 +276,7 @@ def _frictions(simulator: Simulator, cfg: GridCfg) -> list[tuple[str, str, tuple
 
 @dataclass(frozen=True)
 class Unit:
-    """Walks that are done at once: one, or consecutive episodes of one cell in a batch."""
+    """Walks that run together: one, or consecutive episodes of one cell in a batch."""
 
     walks: tuple[Walk, ...]
 
@@ -298,27 +292,24 @@ class Unit:
 
     @property
     def cost(self) -> float:
-        """How long it takes, in the unit of `EngineSpec.cost`."""
-        one = BATCH_COST if self.simulator.is_batch else self.simulator.spec.cost
-        return one * len(self.walks)
+        """Time of the unit, in the unit of `EngineSpec.cost`."""
+        single = BATCH_COST if self.simulator.is_batch else self.simulator.spec.cost
+        return single * len(self.walks)
 
 
 def units(walks: Sequence[Walk], cfg: GridCfg) -> list[Unit]:
     """Return the walks of a plan as units, the longest first."""
-    found = [Unit((walk,)) for walk in walks if not walk.simulator.is_batch]
+    planned = [Unit((walk,)) for walk in walks if not walk.simulator.is_batch]
     for _, cell in groupby((walk for walk in walks if walk.simulator.is_batch), key=lambda walk: walk.cell):
-        some = tuple(cell)
-        size = max(1, int(BATCH_SECONDS / cfg.cell(some[0].terrain, some[0].command).duration))
-        found += [Unit(some[begin : begin + size]) for begin in range(0, len(some), size)]
-    # Else a long one that is begun last keeps a single process busy at the end.
-    return sorted(found, key=lambda unit: -unit.cost)
+        episodes = tuple(cell)
+        size = max(1, int(BATCH_SECONDS / cfg.cell(episodes[0].terrain, episodes[0].command).duration))
+        planned += [Unit(episodes[begin : begin + size]) for begin in range(0, len(episodes), size)]
+    # A long unit begun last would keep a single process busy at the end.
+    return sorted(planned, key=lambda unit: -unit.cost)
 
 
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
-    """Do a unit and return the metrics of each of its walks.
-
-    Raises `StictionError` where bundle or engine do not fit.
-    """
+    """Run a unit; return the metrics of its walks. Raises `StictionError` where bundle or engine do not fit."""
     first, episodes = unit.walks[0], len(unit.walks)
     cell = cfg.cell(first.terrain, first.command)
     if not unit.simulator.is_batch:
@@ -333,37 +324,37 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
 
 
 def _load(walk: Walk) -> np.ndarray | float:
-    """Return the friction per torque of the motor that is fed forward [1], shape (J,) or a single zero."""
+    """Return the friction per motor torque that is fed forward [1], shape (J,) or a single zero."""
     return 0.0 if walk.forward_load is None else np.array(walk.forward_load)
 
 
-def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
+def _walk_alone(bundle: Bundle, walk: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
     """Walk one robot in one engine."""
     from stiction.engines import catalog
     from stiction.engines.ground import course
     from stiction.virtual.cases import Case, DataSheet, parse_level
     from stiction.virtual.trial import TIMESTEP, World
 
-    engine, ground = one.simulator.spec, cfg.course
-    aside, askew = (0.0, 0.0) if ground.is_flat else starts(cfg.seed, one.episode + 1)[-1].tolist()
+    engine, ground = walk.simulator.spec, cfg.course
+    sideways, heading = (0.0, 0.0) if ground.is_flat else starts(cfg.seed, walk.episode + 1)[-1].tolist()
     world = World(
         make=partial(catalog.make_engine, engine.name),
         ground=course(ground.kind, ground.size, cfg.seed),
-        start=(0.0 if ground.is_flat else -START_DISTANCE, aside),
-        heading=askew,
-        timestep=engine.timestep if one.robot is None else TIMESTEP,
-        noise=cfg.noise if one.robot is None else None,
+        start=(0.0 if ground.is_flat else -START_DISTANCE, sideways),
+        heading=heading,
+        timestep=engine.timestep if walk.robot is None else TIMESTEP,
+        noise=cfg.noise if walk.robot is None else None,
     )
     case: RobotCase
-    if one.robot is None or one.simulator.cell is None:
-        case = DataSheet(cfg.seed, cfg.law, float(one.level))
+    if walk.robot is None or walk.simulator.cell is None:
+        case = DataSheet(cfg.seed, cfg.law, float(walk.level))
     else:
-        case = Case(one.robot, one.simulator.cell, parse_level(one.level))
-    friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
+        case = Case(walk.robot, walk.simulator.cell, parse_level(walk.level))
+    friction, known = (None if values is None else np.array(values) for values in (walk.forward, walk.known))
     # The robot of the data sheet has the evaluation's seed for its own, and so the noise that `Rollout` draws.
-    seed = 0 if one.robot is None else cfg.seed
-    compensation = BY_ERROR if friction is None else parse_compensation(one.forward_by)
-    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation, _load(one))
+    seed = 0 if walk.robot is None else cfg.seed
+    compensation = BY_ERROR if friction is None else parse_compensation(walk.forward_by)
+    return walk_once(bundle, case, world, cfg, walk.episode, spec, friction, seed, known, compensation, _load(walk))
 
 
 def walk_once(
@@ -379,7 +370,7 @@ def walk_once(
     compensation: Compensation = BY_ERROR,
     load: np.ndarray | float = 0.0,
 ) -> Metrics:
-    """Walk one episode and return its metrics. cfg: ground, as in `world`, one command, times; others as of `walk`."""
+    """Walk one episode and return its metrics; cfg: ground as in `world`, one command, times; rest as for `walk`."""
     from stiction.virtual.trial import walk
 
     (command,), period = cfg.parsed_commands, bundle.contract.control_period
@@ -391,7 +382,7 @@ def walk_once(
 
 
 def command_source(command: Command, ground: Course) -> CommandSource:
-    """Return what commands a robot: the command itself on flat ground; over a course its speed, straight on."""
+    """Return the commands of a robot: the command itself on flat ground; over a course its speed, straight on."""
     velocity = np.array(command.velocity)
     if ground.is_flat:
         return lambda step, motion: velocity

@@ -1,4 +1,4 @@
-"""The columns of results.csv as pure functions of a recording. After a fall a robot's speed counts as zero."""
+"""Columns of results.csv as pure functions of a recording. After a fall a robot's speed counts as zero."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ WINDOW = 1.0
 error."""
 
 MOVING_SPEED = 0.1
-"""A step is a moving one if the base is faster than this [m/s], or turns faster than this [rad/s] in a pure turn."""
+"""Speed of the base above which a step counts as moving [m/s]; yaw rate [rad/s] in a pure turn."""
 
 SHORTEST_DISTANCE = 0.1
-"""Smallest mean displacement for which a cost of transport is given [m]."""
+"""Smallest mean displacement for a cost of transport [m]."""
 
 
 @dataclass(frozen=True)
 class Metrics:
-    """The measured columns of one row of results.csv, and what stands beside them in summary.json."""
+    """Measured columns of one row of results.csv, and the metrics stored only in summary.json."""
 
     speed_ratio: float | None
     tracking_error: float
@@ -37,9 +37,9 @@ class Metrics:
     tripod_share: float | None
     flight_share: float | None
     group_share: tuple[float, float] | None
-    """Share of moving steps in which exactly contact group 0, and exactly group 1, is on the ground [-]."""
+    """Share of moving steps with exactly contact group 0, and exactly group 1, on the ground [-]."""
     moving_share: float | None
-    """Share of all steps that are moving ones, what the shares above are of [-]; None where no motion is commanded."""
+    """Share of moving steps in all steps [-], the base of the shares above; None where no motion is commanded."""
     mean_vx: float
     """Mean forward velocity in the base's frame, zero after a fall [m/s]."""
     mean_vy: float
@@ -49,7 +49,7 @@ class Metrics:
     mean_friction: float | None = None
     """Mean bound of the joints' dry friction, falls included [N m]; None where not recorded."""
     steps_climbed: float | None = None
-    """Mean number of stairs passed, up and down; None where there are none."""
+    """Mean number of stairs passed, up and down; None on ground without stairs."""
     crossed: float | None = None
     """Share of episodes in which the robot crossed its course; None on flat ground."""
 
@@ -60,12 +60,12 @@ class Metrics:
 
     @property
     def columns(self) -> dict[str, Any]:
-        """What stands in results.csv: column -> value."""
+        """Metrics stored in results.csv: column -> value."""
         return {name: value for name, value in vars(self).items() if name in COLUMNS}
 
     @property
-    def beside(self) -> dict[str, Any]:
-        """What results.csv has no column for, and summary.json has."""
+    def summary_only(self) -> dict[str, Any]:
+        """Metrics stored only in summary.json: name -> value."""
         return {name: value for name, value in vars(self).items() if name not in COLUMNS}
 
 
@@ -105,21 +105,23 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
     """Return the metrics of a row from those of its episodes, each measured alone.
 
     Shares are weighted by moving steps, a cost of transport by distance; jitter is a root mean square. `measure` gives
-    the same at once, but for jitter after falls and the energy of robots that got nowhere.
+    the same at once, except for jitter after falls and the energy of robots that did not move.
     """
 
     def mean(name: str, weight: str | None = None) -> float | None:
-        values = [getattr(one, name) for one in episodes]
-        weights = [1.0 if weight is None else getattr(one, weight) or 0.0 for one in episodes]
+        values = [getattr(episode, name) for episode in episodes]
+        weights = [1.0 if weight is None else getattr(episode, weight) or 0.0 for episode in episodes]
         known = [(value, by) for value, by in zip(values, weights, strict=True) if value is not None and by > 0.0]
         return sum(value * by for value, by in known) / sum(by for _, by in known) if known else None
 
     def plain_mean(name: str) -> float:
-        return float(np.mean([getattr(one, name) for one in episodes]))
+        return float(np.mean([getattr(episode, name) for episode in episodes]))
 
-    # A robot that had fallen before the measured part has a jitter of zero, which means none.
-    jitter = [one.joint_jitter**2 for one in episodes if one.joint_jitter or not one.fall_rate]
-    groups = [(one.group_share, one.moving_share or 0.0) for one in episodes if one.group_share is not None]
+    # A robot that had fallen before the measured part has a jitter of zero, which stands for no value.
+    jitter = [episode.joint_jitter**2 for episode in episodes if episode.joint_jitter or not episode.fall_rate]
+    groups = [
+        (episode.group_share, episode.moving_share or 0.0) for episode in episodes if episode.group_share is not None
+    ]
     moved = sum(by for _, by in groups)
     first, second = (sum(share[side] * by for share, by in groups) / moved if moved else None for side in (0, 1))
     return Metrics(
@@ -159,7 +161,7 @@ def tracking_error(recording: Recording, command: Command) -> float:
     width = max(1, round(WINDOW / recording.period))
     velocity = _velocity(recording)
     count = max(1, len(velocity) // width)
-    # Windows of nearly that width, so that no rest of the recording is left out.
+    # Windows of nearly that width cover the whole recording.
     windows = np.stack([part.mean(axis=0) for part in np.array_split(velocity, count)])
     difference = windows - np.array(command.velocity)
     axes = slice(2, 3) if command.is_turn else slice(0, 2)
@@ -175,7 +177,7 @@ def displacement(recording: Recording) -> float:
 
 
 def cost_of_transport(recording: Recording, distance: float, weight: float) -> float | None:
-    """Return the mechanical energy over weight times displacement, means over episodes [-]; None if it got nowhere."""
+    """Return energy over weight times displacement, means over episodes [-]; None under `SHORTEST_DISTANCE`."""
     if distance < SHORTEST_DISTANCE:
         return None
     energy = (recording.power * recording.upright).sum(axis=0).mean() * recording.period
@@ -190,7 +192,7 @@ def joint_jitter(recording: Recording) -> float:
 
 
 def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
-    """Return which steps are moving ones (see `MOVING_SPEED`), bool, shape (T, N); None where none is commanded."""
+    """Return the moving steps (see `MOVING_SPEED`), bool, shape (T, N); None where no motion is commanded."""
     if command.direction is None:
         return None
     velocity = recording.velocity

@@ -1,6 +1,6 @@
-"""The newest checkpoint of a training run, finished or not, as a policy of one robot. Needs torch.
+"""Newest checkpoint of a training run, finished or not, as a policy of one robot. Needs torch.
 
-The teacher of two phases is told the friction of its robot: here what its training called nominal.
+The teacher of two phases observes the friction of its robot: here the nominal friction of its training.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class LatentPolicy(nn.Module):
         frozen: torch.Tensor | None = None,
         watch: Callable[[torch.Tensor], None] = lambda latent: None,
     ) -> None:
-        """Choose where the latent comes from.
+        """Choose the source of the latent.
 
-        privileged: o_priv of each robot, (N, size), for z, by default z* from the history; sources: robot whose latent
-        each is given, (N,), by default its own; frozen: one latent for all, (latent,); watch: called with z or z* at
-        every step.
+        privileged: o_priv of each robot, (N, size), for z, by default z* from the history; sources: for each robot, the
+        robot whose latent it uses, (N,), by default itself; frozen: one latent for all, (latent,); watch: called with z
+        or z* at every step.
         """
         super().__init__()
         self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
@@ -73,14 +73,14 @@ class LatentPolicy(nn.Module):
 def privileged_of(
     run: RunDirectory, teacher: RMAActor, contract: Contract, robot: Robot, present: np.ndarray | None = None
 ) -> torch.Tensor:
-    """Return o_priv of the robots that a teacher drives, (N, size): nominal, but for their friction.
+    """Return o_priv of the robots that a teacher drives, (N, size): nominal except for their friction.
 
     present: that friction over the torque limit, (N, joints), by default of one robot and nominal. Raises
     `ConfigurationError` for a teacher that sees the ground.
     """
     if teacher.sees_terrain:
         raise ConfigurationError(
-            f"{run.path}: its teacher sees the ground, which is not told to it here; take its student"
+            f"{run.path}: its teacher sees the ground, which is not available here; use its student"
         )
     nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
     present = nominal[None] if present is None else present
@@ -90,8 +90,8 @@ def privileged_of(
 def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Return the friction in o_priv of a teacher, fractions of the torque limit, shape (N, joints).
 
-    It is the true one, `present`, unless training never varied it: weights of an entry that never moved are those of
-    initialisation, and it stays at its value in training, a multiple of `nominal`, (joints,).
+    The friction is the true one, `present`, unless training never varied it: weights of an entry that never moved are
+    those of initialisation, so it stays at its value in training, a multiple of `nominal`, (joints,).
     """
     ends = [end for stage in friction.schedule for end in stage.range]
     if min(ends) == max(ends):
@@ -100,23 +100,23 @@ def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.nd
 
 
 class Standing:
-    """The policy that there is before the first checkpoint: it asks for the standing pose."""
+    """Policy before the first checkpoint: it commands the standing pose."""
 
     def __init__(self, contract: Contract) -> None:
         """contract: of the policy to come."""
         self.contract = contract
 
     def reset(self) -> None:
-        """Do nothing: there is no history."""
+        """Do nothing: the policy has no history."""
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Return the standing pose as target, and zeros."""
+        """Return the standing pose as target, and zero observation and action."""
         zero = np.zeros(self.contract.num_joints, np.float32)
         return PolicyStep(np.zeros(self.contract.observation.size, np.float32), zero, self.contract.array("standing"))
 
 
 class OneTrained:
-    """A policy as training computes it, for one robot without a batch: what a `Pilot` drives."""
+    """Policy as training computes it, for one robot without a batch, as a `Pilot` drives it."""
 
     def __init__(self, module: torch.nn.Module, contract: Contract) -> None:
         """module: observations (1, size) -> actions (1, J)."""
@@ -134,12 +134,13 @@ class OneTrained:
 
 
 class NewestPolicy:
-    """The policy of a run that may still go on."""
+    """Newest policy of a run that may still be training."""
 
     def __init__(self, run: Path, wait: bool = False, robot: str | None = None) -> None:
         """Read a run; wait: let the robot stand until there is a checkpoint; robot: see `RunDirectory.adopt`.
 
-        Raises `StictionError` where it is no run, has no checkpoint to wait for, or a teacher that sees the ground.
+        Raises `StictionError` where `run` is no run, has no checkpoint and `wait` is False, or has a teacher that sees
+        the ground.
         """
         torch.set_num_threads(1)
         self._directory = RunDirectory(run)
@@ -154,16 +155,16 @@ class NewestPolicy:
 
     @property
     def name(self) -> str:
-        """The run, and how far it had come."""
+        """Name of the run, and its progress."""
         run = self._directory.path.resolve().name
         return f"{run}: {'no checkpoint yet, standing' if self._file is None else self._file.stem.replace('_', ' ')}"
 
     def load(self) -> OneTrained | Standing:
-        """Return the newest policy that was read, its history empty."""
+        """Return the newest policy that was read, with an empty history."""
         return Standing(self.contract) if self._module is None else OneTrained(self._module, self.contract)
 
     def refresh(self) -> bool:
-        """Read the newest checkpoint; say whether there is a newer one than before. Raises `StictionError`."""
+        """Read the newest checkpoint; return True if it is newer than the last one read. Raises `StictionError`."""
         directory = self._directory
         for phase in ("student", "teacher"):
             file = latest_checkpoint(directory.checkpoints, phase)
@@ -177,7 +178,7 @@ class NewestPolicy:
         return True
 
     def watch(self, use: Callable[[], None]) -> Callable[[], None]:
-        """Call `use` from a thread of its own after each newer checkpoint was read; return what ends that."""
+        """Call `use` from a separate thread after each newer checkpoint was read; return the function that stops it."""
         ended = threading.Event()
 
         def look() -> None:
@@ -185,7 +186,7 @@ class NewestPolicy:
                 try:
                     newer = self.refresh()
                 except (StictionError, OSError):
-                    # The training deletes old checkpoints: the next look finds the one that took its place.
+                    # The training deletes old checkpoints: the next look finds the newer one.
                     continue
                 if newer:
                     use()

@@ -1,4 +1,4 @@
-"""Onset as walked: the friction at which the worst of a policy's fast commands falls under 0.8 of the command."""
+"""Onset: the friction at which the worst of a policy's fast commands falls below 0.8 of the command."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from stiction.files.velocity import parse_command
 from stiction.virtual.drive import drive
 
 EPISODES = 4
-"""Most walks of a command by which a policy's onset is predicted."""
+"""Largest number of walks per command from which a policy's onset is predicted."""
 
 MOVED = 0.2
-"""Reach without friction from which on a reach is taken over it [1]: a robot that stands has none."""
+"""Least reach without friction by which the reach under friction is divided [1]: a robot that stands has none."""
 
 HALF = 0.5
-"""Share of its range that a command has on some axis to count: slower ones are hard without friction already [1]."""
+"""Least share of the largest command on some axis for a fast command [1]: slower ones are hard without friction."""
 
 
 def fast_commands(labels: Sequence[str]) -> tuple[str, ...]:
-    """Return those of a set of commands that count: at least `HALF` of the largest on some axis."""
+    """Return the fast commands of a set: at least `HALF` of the largest value on some axis."""
     speeds = np.abs([parse_command(text).velocity for text in labels]).reshape(-1, 3)
     fast = ((speeds >= HALF * speeds.max(axis=0, initial=0.0)) & (speeds > 0.0)).any(axis=1)
     return tuple(text for text, counts in zip(labels, fast, strict=True) if counts)
@@ -37,10 +37,10 @@ def fast_commands(labels: Sequence[str]) -> tuple[str, ...]:
 def reach_by_level(
     cells: Mapping[tuple[float, str], float], over: Callable[[list[float]], float] = min, relative: bool = False
 ) -> dict[float, float]:
-    """Return level -> the smallest reach of its commands [1], or their mean; levels upward.
+    """Return level -> the smallest reach over its commands [1], or their mean; levels upward.
 
-    cells: level and command -> reach; over: what is taken of the commands; `relative`: each over that of the same
-    command without friction, of commands that reach `MOVED` there.
+    cells: level and command -> reach; over: reduction over the commands; relative: True to divide each reach by that of
+    the same command without friction; commands below `MOVED` there are left out.
     """
     shares: dict[float, list[float]] = {}
     for (level, command), reach in sorted(cells.items()):
@@ -51,10 +51,10 @@ def reach_by_level(
 
 
 def onset(reach: Mapping[float, float], least: float = LEAST) -> float | None:
-    """Return the friction at which the reach falls under a least one for the first time, between levels interpolated.
+    """Return the friction at which the reach first falls below `least`, interpolated between levels.
 
     reach: level -> reach, levels upward from 0. Linear from 0 to the next level, then in the logarithm of the friction.
-    None where it is under it at 0, or at no level.
+    None where the reach is below `least` at level 0, or at no level.
     """
     levels = list(reach)
     first = next((number for number, level in enumerate(levels) if reach[level] < least), None)
@@ -66,9 +66,9 @@ def onset(reach: Mapping[float, float], least: float = LEAST) -> float | None:
 
 
 def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | None, float | None]:
-    """Return the onset of one policy by its rows in the simulator of the training, and the highest level walked there.
+    """Return the onset of a policy from its rows in the training's simulator, and the highest level walked there.
 
-    None: no onset among the levels, or without the level 0, which comes first in any of them; no row at all.
+    The onset is None where no level shows it or level 0 was not walked; the level is None without rows.
     """
     cells = {
         (row.friction_level, row.command): min(ratios)
@@ -86,9 +86,9 @@ def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | Non
 
 
 def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:
-    """Return from which friction on a policy stops following, predicted by its walks without any, and as it walked.
+    """Return the onset of a policy, predicted from its walks without friction, and as walked.
 
-    rows: of the policy; cfg: their commands, episodes and seconds; of its walks at most `EPISODES` are made again.
+    rows: of the policy; cfg: their commands, episodes and seconds; at most `EPISODES` walks per command are repeated.
     """
     if (predicted := predict_onset(bundle.contract, None)) is None:
         fast = fast_commands(cfg.commands) or cfg.commands
@@ -100,7 +100,7 @@ def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> d
 
 
 def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:
-    """Walk a policy and return what its joints do; cfg: without friction."""
+    """Walk a policy and return the motion of its joints; cfg: without friction."""
     contract, spec = bundle.contract, robot_of(bundle.contract)
     policy = batch_policy(bundle, spec, cfg, friction_at(contract, cfg.robot_levels))
     rollout = make_rollout(policy, contract, spec, cfg, threads)

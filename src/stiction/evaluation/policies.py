@@ -1,10 +1,10 @@
-"""Policies of an evaluation: their training methods, the friction that they are told, functions in a policy's place.
+"""Policies of an evaluation: their training methods, the friction that they observe, functions as policies.
 
-A training method goes by the contract. Friction is given to policies that observe that of their joints: `contract` is
-the bundle as it is deployed; `true` is what a perfect bench would identify on each robot, and `true*0.7` one that is
-wrong by 30 %; `bench` is what was identified on a virtual robot's own bench, and `true` for that of the data sheet. A
-policy that is a function in Python is for evaluation only: it has no contract and no golden vectors, and a file never
-names it, since whoever names such a function runs its module.
+The training method follows from the contract. Policies that observe their joints' friction receive it from a source:
+`contract` is the bundle as it is deployed; `true` is the result of a perfect bench on each robot, and `true*0.7` one
+that is wrong by 30 %; `bench` is the result on a virtual robot's own bench, and equals `true` on the robot of the data
+sheet. A policy that is a Python function is for evaluation only: it has no contract and no golden vectors, and no file
+may name it, since naming such a function runs its module.
 """
 
 from __future__ import annotations
@@ -36,30 +36,30 @@ from stiction.robots.model import Robot
 from stiction.task.friction import friction_share
 
 FORWARD = "+forward"
-"""Behind the names of policy and method: with friction fed forward by the position error."""
+"""Suffix of policy and method with friction fed forward by the position error."""
 
 FED = f"none{FORWARD}"
-"""The conventional policy with friction fed forward by the position error, all of it."""
+"""Conventional policy with the full friction fed forward by the position error."""
 
 FED_BY_REFERENCE, FED_BY_MEASURED = "none+reference", "none+measured"
-"""The same as users of motors do it: by the speed of the target or of the joint, by the error while it is stuck."""
+"""Conventional policy with friction fed forward by the target's or the joint's speed, by the error while stuck."""
 
 FED_BY: dict[By, str] = {"error": FED, "reference": FED_BY_REFERENCE, "measured": FED_BY_MEASURED}
 
 
 def fed_suffix(compensation: Compensation) -> str:
-    """Return the suffix of policy and method where friction is fed forward: `+reference=0.8`."""
+    """Return the suffix of policy and method for friction fed forward: `+reference=0.8`."""
     return f"+{compensation.label.replace('error', FORWARD[1:])}"
 
 
 @dataclass(frozen=True)
 class MethodCell:
-    """Which training method, in which cell of a grid."""
+    """Training method in one cell of a grid."""
 
     method: str
-    """Training method with friction; in brackets what else tells one training from another."""
+    """Training method with friction; in brackets the settings that distinguish this training."""
     engine: str
-    """Engine, and what of a virtual robot is real in it."""
+    """Engine, and the real properties of a virtual robot in it."""
     friction_law: str
     """Law of the friction."""
     friction_level: float
@@ -94,7 +94,7 @@ METHODS = {
 
 
 def method_texts() -> dict[str, str]:
-    """Return every training method -> what it is, those of installed distributions among them."""
+    """Return every training method -> its description, including methods of installed distributions."""
     texts = dict(METHODS)
     for method in installed_methods():
         texts |= method.names or {method.name: method.description}
@@ -102,7 +102,7 @@ def method_texts() -> dict[str, str]:
 
 
 def method_of(contract: Contract) -> str:
-    """Return the training method of a policy, one of `method_texts`; of one that is not installed its name alone."""
+    """Return the training method of a policy, one of `method_texts`; of an uninstalled one only its name."""
     if contract.actuator is not None:
         return BEHIND_GEAR if contract.torque_source == "output_side" else "actuator"
     if contract.observes_friction:
@@ -118,21 +118,21 @@ def method_of(contract: Contract) -> str:
 Source = Literal["contract", "true", "bench"]
 
 LARGEST_FACTOR = 10.0
-"""Largest factor by which it may be wrong [1]."""
+"""Largest factor of a wrong friction [1]."""
 
 
 @dataclass(frozen=True)
 class FrictionSource:
-    """Where the friction that a policy is given comes from."""
+    """Source of the friction that a policy observes."""
 
     source: Source | float
-    """A number is f/τ_max of every kind of joint [-]."""
+    """Name of the source; a number is f/τ_max of every kind of joint [-]."""
     factor: float = 1.0
-    """By which the truth, or what a bench says, is multiplied [1]."""
+    """Factor on the true or identified friction [1]."""
 
 
 def parse_source(text: str) -> FrictionSource:
-    """Return the source in a text: `contract`, `true`, `bench`, a number f/τ_max; `true*0.7`.
+    """Return the source in a text: `contract`, `true`, `bench`, a number f/τ_max, `true*0.7`.
 
     Raises `StictionError`.
     """
@@ -159,18 +159,19 @@ def nominal_known(contract: Contract, spec: Robot) -> np.ndarray:
 
 
 def known_to(
-    contract: Contract, spec: Robot, given: FrictionSource, law: Law, friction: np.ndarray
+    contract: Contract, spec: Robot, source: FrictionSource, law: Law, friction: np.ndarray
 ) -> np.ndarray | None:
-    """Return friction given to a policy on N robots of the data sheet, f/τ_max by kind, (N, kinds).
+    """Return the friction observed by a policy on N robots of the data sheet, f/τ_max by kind, (N, kinds).
 
-    None where it takes none. friction: of each robot's joints, torques [N m] or the law's coefficients, shape (N, J).
+    None where the contract holds it, or the policy observes none. friction: of each robot's joints, torques [N m] or
+    the law's coefficients, shape (N, J).
     """
-    if not contract.observes_friction or given.source == "contract":
+    if not contract.observes_friction or source.source == "contract":
         return None
     average = kind_average(contract.kinds)
-    if not isinstance(given.source, str):
-        return np.full((len(friction), average.shape[1]), given.source)
-    return given.factor * friction_share(law.name, friction, spec) @ average
+    if not isinstance(source.source, str):
+        return np.full((len(friction), average.shape[1]), source.source)
+    return source.factor * friction_share(law.name, friction, spec) @ average
 
 
 TIMESTEP = 0.005
@@ -179,29 +180,29 @@ TIMESTEP = 0.005
 
 @dataclass(frozen=True)
 class OwnPolicy(Bundle):
-    """A function in the place of a bundle's network."""
+    """Function in place of a bundle's network."""
 
     function: str = ""
-    """Its name, `package.module:FUNCTION`."""
+    """Name of the function, `package.module:FUNCTION`."""
     act: Callable[..., Any] | None = None
-    """The function itself, where it was handed over and has to stay in this process."""
+    """Function itself, for one passed as an object, which stays in this process."""
 
 
 class FunctionDriver:
-    """Drives N robots with a function of sensors, commands and the robots that were reset."""
+    """Driver of N robots by a function of sensors, commands and the robots that were reset."""
 
     def __init__(self, policy: OwnPolicy, num: int) -> None:
-        """Take the function, or find it by its name; raise `StictionError` where there is none."""
+        """Take the function, or import it by its name. Raises `StictionError` for an unknown one."""
         self._name, self._contract = policy.function, policy.contract
-        self._act = policy.act or _found(policy.function)
+        self._act = policy.act or _function(policy.function)
         self._fresh = np.ones(num, dtype=bool)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        """Tell the function, at the next step, that the robots in `mask` (bool, (N,)) start anew; all without it."""
+        """Mark the robots in `mask` (bool, (N,)), by default all, as reset at the function's next call."""
         self._fresh |= True if mask is None else np.asarray(mask, dtype=bool)
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Return the function's targets. Raises `PolicyError` where it failed, or they are not (N, J) and finite."""
+        """Return the function's targets. Raises `PolicyError` where it fails, or they are not (N, J) and finite."""
         try:
             target = np.asarray(self._act(sensors, command, self._fresh), dtype=np.float64)
         except Exception as error:  # whatever the user's code raises
@@ -217,15 +218,15 @@ class FunctionDriver:
 
 
 def own_policy(function: str | Callable[..., Any], robot: str, control_period: float) -> OwnPolicy:
-    """Return a function, or `package.module:FUNCTION`, as what an evaluation takes.
+    """Return a function, or `package.module:FUNCTION`, as a bundle for an evaluation.
 
     It is called as `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes (N, ...), the base's velocity among
-    them, commands (N, 3), and who starts anew, bool (N,); returns joint targets [rad], (N, J). control_period: between
-    calls [s]. Raises `StictionError` where there is no such function or robot.
+    them, commands (N, 3), and the robots that were reset, bool (N,); returns joint targets [rad], (N, J).
+    control_period: between calls [s]. Raises `StictionError` for an unknown function or robot.
     """
-    act = _found(function) if isinstance(function, str) else function
+    act = _function(function) if isinstance(function, str) else function
     spec, module = find_robot(robot), inspect.getmodule(act)
-    handed = None if isinstance(function, str) else function
+    passed = None if isinstance(function, str) else function
     function = function if isinstance(function, str) else f"python:{getattr(act, '__qualname__', type(act).__name__)}"
     # In floating point 0.035 / 0.005 is a little more than 7.
     decimation = max(1, int(np.ceil(control_period / TIMESTEP - 1e-9)))
@@ -244,17 +245,17 @@ def own_policy(function: str | Callable[..., Any], robot: str, control_period: f
         source = "" if module is None else inspect.getsource(module)
     except (OSError, TypeError):
         source = ""
-    if handed is not None and getattr(module, getattr(act, "__name__", ""), None) is not act:
-        # A closure, a method, an object: no source says what it holds, so that no walk that was kept is of it.
+    if passed is not None and getattr(module, getattr(act, "__name__", ""), None) is not act:
+        # A closure, a method, an object: no source describes its state, so that no stored walk is used for it.
         source += os.urandom(16).hex()
-    # Parted by NUL, which none of them contains: other parts cannot make the same text.
+    # Separated by NUL, which none of them contains, so that the text is unique.
     digest = hashlib.sha256(f"{function}\0{robot}\0{control_period!r}\0{source}".encode()).hexdigest()
-    return OwnPolicy(function.replace(":", "."), contract, b"", None, "", digest, 0, function=function, act=handed)
+    return OwnPolicy(function.replace(":", "."), contract, b"", None, "", digest, 0, function=function, act=passed)
 
 
-def _found(function: str) -> Any:
-    """Return the function of a name; raise `ConfigurationError` where it is none."""
-    found = find_named("policy", function)
-    if not callable(found):
-        raise ConfigurationError(f"policy {function!r} is {type(found).__name__}; expected a function")
-    return found
+def _function(function: str) -> Any:
+    """Return the function of a name. Raises `ConfigurationError` where it is not callable."""
+    act = find_named("policy", function)
+    if not callable(act):
+        raise ConfigurationError(f"policy {function!r} is {type(act).__name__}; expected a function")
+    return act

@@ -1,4 +1,4 @@
-"""A bundle on a fleet of MuJoCo robots, a walker of `virtual.drive`: sensors with noise in, joint targets out."""
+"""Policy bundle on a fleet of MuJoCo robots, a walker of `virtual.drive`: noisy sensors in, joint targets out."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ COULOMB = Law("coulomb")
 
 @dataclass(frozen=True)
 class RolloutStep:
-    """What happened in one control period."""
+    """Record of one control step."""
 
     sensors: Sensors
-    """What the robots measured at its start, noise included, shapes (N, ...)."""
+    """Sensor readings at its start, noise included, shapes (N, ...)."""
     policy: PolicyStep
     blown_up: np.ndarray
-    """Robots whose simulation became unstable and was put back to standing, ids."""
+    """Ids of robots whose simulation became unstable and was reset to standing."""
 
 
 def friction_at(contract: Contract, level: np.ndarray, law: Law = COULOMB) -> np.ndarray:
-    """Return what a law gives every joint at levels of shape (N,): torques [N m] or coefficients [-], shape (N, J)."""
+    """Return the friction of every joint by a law at levels (N,): torques [N m] or coefficients [-], shape (N, J)."""
     unit = np.ones(contract.num_joints) if has_coefficient(law.name) else contract.array("torque_limit")
     return np.asarray(level)[:, None] * unit
 
@@ -62,11 +62,11 @@ class Rollout:
     ) -> None:
         """Put the robots into their standing pose.
 
-        policy: its batch (N,); friction: as from `friction_at`, (N, J); generators: of noise, robot i uses number i
+        policy: with batch (N,); friction: as from `friction_at`, (N, J); generators: of noise, robot i uses number i
         modulo their count; noise: by default as in training; action_delay: between target and motor [s], in whole
         physics steps; terrain: flat by default; timestep: of the physics [s], by default the contract's; compensation:
-        what the joint controllers add at every physics step. Raises `StictionError` where the delay is longer than the
-        model holds, or delays what is fed.
+        torque added by the joint controllers at every physics step. Raises `StictionError` where the delay is longer
+        than the model's buffer, or combined with a compensation.
         """
         num = len(friction)
         timestep = contract.physics_timestep if timestep is None else timestep
@@ -100,12 +100,12 @@ class Rollout:
         self.reset(np.arange(num))
 
     def _command(self, fleet: Fleet) -> None:
-        """Set the command of a physics step: kp (a + τ_ff/kp − θ) is the controllers' torque with τ_ff beside it."""
+        """Set the command of a physics step: kp (a + τ_ff/kp − θ) is the controllers' torque plus τ_ff."""
         command = self.loop.command(fleet.joint_position, fleet.joint_velocity)
         fleet.set_targets(command.target + command.forward / command.kp)
 
     def _uniform(self, width: int) -> np.ndarray:
-        """Return numbers in [-1, 1), one row per robot, shape (N, width)."""
+        """Return uniform random numbers in [-1, 1), one row per robot, shape (N, width)."""
         drawn = np.stack([generator.uniform(-1.0, 1.0, width) for generator in self._generators])
         return np.tile(drawn, (self._robots_per_generator, 1))
 
@@ -118,7 +118,7 @@ class Rollout:
         self.loop.reset(np.isin(np.arange(self.fleet.num_envs), ids))
 
     def sense(self) -> Sensors:
-        """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
+        """Return the sensor readings of the robots; roll and pitch are disturbed by a small rotation of the base."""
         fleet, layout = self.fleet, self._contract.observation
         true = Sensors(fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position, fleet.joint_velocity)
         if layout.has("base_linear_velocity"):
@@ -134,7 +134,7 @@ class Rollout:
         step = self.loop.act(sensors, command)
         self.fleet.set_targets(step.target)
         blown_up = self.fleet.step()
-        # The fleet has put them back to standing itself: a start drawn here would shift the noise of robots that share
+        # The fleet reset them to standing itself: a start drawn here would shift the noise of robots that share
         # a stream.
         self.loop.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
         self._blown_up = blown_up
@@ -143,7 +143,7 @@ class Rollout:
     def truth(self) -> Truth:
         """Return the ground truth at the end of the last control period."""
         fleet, fallen = self.fleet, self.fleet.fallen()
-        # By now they stand again.
+        # The unstable robots were reset and stand again.
         fallen[self._blown_up] = True
         return Truth(
             velocity=np.hstack((fleet.base_linear_velocity[:, :2], fleet.base_angular_velocity[:, 2:])),

@@ -1,4 +1,4 @@
-"""Walks a grid on all cores, resumable: what its ledger has, by the code that decides a walk, is not walked again."""
+"""Walks of a grid on all cores, resumable: walks in its ledger made by the same code are not repeated."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from stiction.robots.catalog import find_robot
 
 
 class WalkLedger(Ledger):
-    """The walks of one grid that are done."""
+    """Ledger of the finished walks of one grid."""
 
     def __init__(self, path: Path, cfg: GridCfg, digests: dict[str, str], robot: str | None = None) -> None:
-        """Read the file; digests: policy -> digest of its bundle. Raises `StictionError` where it cannot be read."""
+        """Read the ledger; digests: policy -> digest of its bundle. Raises `StictionError` for an unreadable file."""
         super().__init__(path)
         self._digests = digests
         spec = None if robot is None else find_robot(robot)
@@ -39,20 +39,22 @@ class WalkLedger(Ledger):
         return key_of([self._common, asdict(walk), self._digests[walk.policy], engine])[:24]
 
     def find(self, walk: Walk) -> Metrics | None:
-        """Return the metrics of a walk; None where it was not done."""
+        """Return the metrics of a walk; None where it is not in the ledger."""
         entry = self.get(self.key(walk))
         return None if entry is None else from_plain(Metrics, entry.get("metrics"), f"{LEDGER}, {entry['key']}")
 
     def add(self, walks: tuple[Walk, ...], metrics: list[Metrics]) -> None:
-        """Add walks; they are on the disk when this returns. Raises `FileError` where the file cannot be written."""
-        done = zip(walks, metrics, strict=True)
-        self.extend([{"key": self.key(walk), "walk": asdict(walk), "metrics": asdict(one)} for walk, one in done])
+        """Add walks, which are on the disk when this returns. Raises `FileError` where the file cannot be written."""
+        entries = zip(walks, metrics, strict=True)
+        self.extend(
+            [{"key": self.key(walk), "walk": asdict(walk), "metrics": asdict(result)} for walk, result in entries]
+        )
 
 
 LEDGER = "walks.jsonl"
 
 BENCHES = "bench"
-"""Name of the folder beside it for what was identified of virtual robots."""
+"""Name of the folder next to the ledger for the identification of virtual robots."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of an engine and the share of its walks that is done."""
@@ -66,11 +68,11 @@ def walk_grid(
     robot: str | None = None,
     progress: Progress = lambda name, share: None,
 ) -> dict[Walk, Metrics]:
-    """Walk what is not in the ledger of `out` yet, and return every walk of the grid, those of one row together.
+    """Run the walks missing from the ledger in `out`; return all walks of the grid, grouped by row.
 
-    bundles: checked, each of another name; jobs: processes at once, which do not change the result; robot: see
-    `robot_of`. Raises `StictionError` for what does not fit or is not installed, and killed processes: what was walked
-    is in the ledger.
+    bundles: checked, with distinct names; jobs: processes at once, which do not change the result; robot: see
+    `robot_of`. Raises `StictionError` for an unfit bundle, a missing engine and killed processes; the ledger keeps the
+    finished walks.
     """
     for bundle in bundles:
         spec = robot_of(bundle.contract, robot)
@@ -82,7 +84,7 @@ def walk_grid(
         walks = plan([bundle.name for bundle in bundles], cfg)
         walks += forward_walks(bundles, cfg, out / BENCHES, jobs, robot, progress)
         walks = with_known_friction(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
-        done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
+        done = {walk: result for walk in walks if (result := ledger.find(walk)) is not None}
         total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
 
         def report(new: Iterable[Walk]) -> None:

@@ -20,7 +20,7 @@ SeedValues = dict[int, float]
 
 @dataclass(frozen=True)
 class Condition:
-    """Where a policy walks, and under which friction."""
+    """Engine and friction of a walk."""
 
     engine: str
     level: float
@@ -30,16 +30,16 @@ class Condition:
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something happened in the walks of a training method."""
+    """Rate of an event in the walks of a training method."""
 
     seeds: SeedValues
     """Training seed -> share of its walks [-]."""
     successes: float
-    """How often it happened in all of them; with clusters of walks, their mean shares added up."""
+    """Number of events in all trials; for clusters of walks, the sum of their mean shares."""
     trials: int
-    """Walks, or clusters of walks that are not independent of each other: pairs of policy and virtual robot."""
+    """Number of walks, or of clusters of walks that depend on each other: pairs of policy and virtual robot."""
     robots: int = 0
-    """Virtual robots, which the policies share; 0: those walks are on the robot of the data sheet."""
+    """Number of virtual robots, which the policies share; 0: the walks are on the robot of the data sheet."""
 
     @property
     def share(self) -> float:
@@ -53,7 +53,7 @@ class Rate:
 
     @property
     def robots_interval(self) -> Interval | None:
-        """Wilson's 95 % interval of that share with a robot as a trial, whichever policy walked; None without them."""
+        """Wilson's 95 % interval of that share with one trial per virtual robot, over all policies; None without."""
         return wilson(self.share * self.robots, self.robots) if self.robots else None
 
 
@@ -63,12 +63,12 @@ Cell = tuple[str, str, str, float, str, str]
 """Training method, engine, law, level, ground, command."""
 
 ERROR = "speed_error"
-"""A column that is computed: |speed ratio - 1|, of virtual robots the mean over them."""
+"""Computed column: |speed ratio - 1|, for virtual robots its mean over them."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Rows by cell; a column of one cell is a sample with a point a training seed."""
+    """Rows by cell; a column of a cell is a sample with one point per training seed."""
 
     cells: dict[Cell, dict[int, list[Row]]]
 
@@ -84,16 +84,16 @@ class Evidence:
         return cls(cells)
 
     def column(self, cell: Cell, column: str) -> SeedValues:
-        """Return one column of every training seed that has it; empty where nothing was walked."""
-        found: SeedValues = {}
+        """Return a column's mean of every training seed that has it; empty for a cell without walks."""
+        means: SeedValues = {}
         for seed, rows in sorted(self.cells.get(cell, {}).items()):
             known = [value for value in (_value(row, column) for row in rows) if value is not None]
             if known:
-                found[seed] = float(np.mean(known))
-        return found
+                means[seed] = float(np.mean(known))
+        return means
 
     def over(self, cells: Sequence[Cell], column: str) -> SeedValues:
-        """Return the mean of a column over some cells, each alike, of every seed that has all of them."""
+        """Return the mean of a column over cells of equal weight, for every seed that has all of them."""
         columns = [self.column(cell, column) for cell in cells]
         seeds = sorted(set.intersection(*map(set, columns))) if columns else ()
         return {seed: sum(1.0 / len(cells) * known[seed] for known in columns) for seed in seeds}
@@ -101,26 +101,29 @@ class Evidence:
     def rate(
         self, method: str, condition: Condition, commands: Sequence[str], column: str, terrain: str = "flat"
     ) -> Rate:
-        """Return how often something happened, of the seeds that walked all the commands, each command alike.
+        """Return the rate of an event over the seeds that walked all the commands, commands of equal weight.
 
         A trial is a walk of the robot of the data sheet, or a pair of policy and virtual robot: see `Rate`.
         """
         cells = cells_of(method, condition, commands, terrain)
         shares = self.over(cells, column)
         rows = {seed: [row for cell in cells for row in self.cells[cell][seed]] for seed in shares}
-        trials = {seed: len(_robots(own)) or sum(row["episodes"] for row in own) for seed, own in rows.items()}
-        robots = _robots([row for own in rows.values() for row in own])
+        trials = {
+            seed: len(_robots(seed_rows)) or sum(row["episodes"] for row in seed_rows)
+            for seed, seed_rows in rows.items()
+        }
+        robots = _robots([row for seed_rows in rows.values() for row in seed_rows])
         return Rate(shares, sum(shares[seed] * trials[seed] for seed in shares), sum(trials.values()), len(robots))
 
 
 def cells_of(method: str, condition: Condition, commands: Sequence[str], terrain: str = "flat") -> list[Cell]:
-    """Return the keys of cells, one a command."""
+    """Return the keys of cells, one per command."""
     level = round(condition.level, 6)
     return [(method, condition.engine, condition.law, level, terrain, command) for command in commands]
 
 
 def _value(row: Row, column: str) -> float | None:
-    """Return what a row has in a column, also in one that is computed."""
+    """Return the value of a row in a column, stored or computed."""
     if column != ERROR:
         value: float | None = row[column]
         return value
@@ -135,7 +138,7 @@ def ratios_of(row: Row) -> list[float]:
 
 
 def _robots(rows: Sequence[Row]) -> set[str]:
-    """Return the virtual robots of rows."""
+    """Return the names of the virtual robots in rows."""
     return {robot for row in rows for robot in row.get("robots", ())}
 
 
@@ -144,27 +147,27 @@ MEASURES = ("speed_ratio", ERROR, "tracking_error", "joint_jitter", "flight_shar
 RATES = ("fall_rate", "crossed")
 
 OVER_BOTH = ("joint_jitter", "flight_share", "tripod_share", "fall_rate")
-"""Columns that are also given over forward and backward together."""
+"""Columns that also have a sample over forward and backward together."""
 
 
 def samples(evidence: Evidence) -> list[Sample]:
     """Return a sample of every column in every cell that has it, and over both directions where both were walked."""
-    found: list[Sample | None] = []
+    collected: list[Sample | None] = []
     for cell in evidence.cells:
         method, engine, law, level, terrain, command = cell
         condition = Condition(engine, level, law)
-        found += [_sample(cell, column, evidence.column(cell, column)) for column in MEASURES]
+        collected += [_sample(cell, column, evidence.column(cell, column)) for column in MEASURES]
         rates = ((column, evidence.rate(method, condition, (command,), column, terrain)) for column in RATES)
-        found += [_sample(cell, column, rate.seeds, rate) for column, rate in rates]
+        collected += [_sample(cell, column, rate.seeds, rate) for column, rate in rates]
         if command == DIRECTIONS[-1] and terrain == "flat":
             for column in OVER_BOTH:
                 rate = evidence.rate(method, condition, DIRECTIONS, column)
-                found.append(_sample((*cell[:-1], BOTH), column, rate.seeds, rate if column in RATES else None))
-    return [sample for sample in found if sample is not None]
+                collected.append(_sample((*cell[:-1], BOTH), column, rate.seeds, rate if column in RATES else None))
+    return [sample for sample in collected if sample is not None]
 
 
 def samples_of(rows: Iterable[Row], methods: Mapping[str, str]) -> list[Sample]:
-    """Return the samples of any policies. rows: as in summary.json; methods: of each policy, see `methods_of`."""
+    """Return the samples of any policies. rows: as in summary.json; methods: policy -> method, see `methods_of`."""
     return samples(Evidence.of(row | {"method": methods[row["policy"]]} for row in rows))
 
 
@@ -180,5 +183,5 @@ def _sample(cell: Cell, column: str, values: SeedValues, rate: Rate | None = Non
 
 
 def each_seed(values: SeedValues) -> tuple[str, str]:
-    """Return seeds and their values as the files have them."""
+    """Return seeds and their values as text, as the files store them."""
     return " ".join(map(str, values)), " ".join(f"{value:.6g}" for value in values.values())

@@ -1,4 +1,4 @@
-"""Evaluates several bundles under the same conditions, and summarises what was run on what."""
+"""Evaluation of several bundles under the same conditions, and its summary."""
 
 from __future__ import annotations
 
@@ -38,39 +38,41 @@ def bundle_of(
     callable_period: float,
     key: Path | None = None,
 ) -> Bundle:
-    """Return a policy as `evaluate_all` takes it: a bundle, its path, which is checked, or a function (`own_policy`).
+    """Return a policy as a bundle for `evaluate_all`: a bundle, the path of one, or a function (`own_policy`).
 
-    key: public key of the maker, a PEM file, whose signature a bundle at a path has to have; None: any.
-    Raises `StictionError` for damaged bundles, and functions without a robot or elsewhere than in the engine mujoco.
+    key: public key of the maker, a PEM file, required as the signer of a bundle at a path; None: any. A path's bundle
+    is checked. Raises `StictionError` for damaged bundles, and functions without a robot or outside the engine mujoco.
     """
     if isinstance(policy, Bundle):
         return policy
     if isinstance(policy, Path):
         return check_for_simulation(find_bundle(policy), key)
     if robot is None:
-        raise ConfigurationError("a function in a policy's place needs the robot whose joints it moves: --robot")
+        raise ConfigurationError("a function as policy needs a robot; give --robot")
     if not all(simulator.is_batch for simulator in cfg.simulators):
-        raise ConfigurationError("a function in a policy's place walks in the engine mujoco alone; leave --engines out")
+        raise ConfigurationError("a function as policy walks only in the engine mujoco; remove --engines")
     return own_policy(policy, robot, callable_period)
 
 
 def other_limits(bundles: Sequence[Bundle]) -> dict[str, str]:
-    """Return bundle -> its torque limits in words, where they are not those of the shipped robot that it is for.
+    """Return bundle -> its torque limits in words, where they differ from the shipped robot's.
 
-    A friction level is a share of the contract's: of two policies of one robot it may be another torque.
+    A friction level is a share of the contract's torque limits: policies of one robot may have different torques.
     """
-    found = {}
+    limits = {}
     for bundle in bundles:
         name = bundle.contract.robot.removesuffix(IMPORTED_ROBOT)
-        if is_shipped(name) and (of := limits_text(bundle.contract, find_robot(name))):
-            found[bundle.name] = of
-    return found
+        if is_shipped(name) and (text := limits_text(bundle.contract, find_robot(name))):
+            limits[bundle.name] = text
+    return limits
 
 
 def commands_for(bundles: Sequence[Bundle]) -> tuple[str, ...]:
-    """Return the labels of the command set, scaled to what all these policies were trained for."""
+    """Return the labels of the command set, scaled to the training range of all these policies."""
     ranges = [bundle.contract.command_range or {} for bundle in bundles]
-    return scaled_commands([min(max(map(abs, own.get(axis, (FASTEST,)))) for own in ranges) for axis in COMMANDS])
+    return scaled_commands(
+        [min(max(map(abs, command_range.get(axis, (FASTEST,)))) for command_range in ranges) for axis in COMMANDS]
+    )
 
 
 def evaluate_all(
@@ -81,9 +83,9 @@ def evaluate_all(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
 ) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Walk a grid; return its rows and the summary. Arguments and errors are those of `walk_grid` and `check_names`.
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`.
 
-    The commands `all` are scaled to what the policies were trained for; on each axis the smallest range counts.
+    The commands `all` are scaled to the policies' training ranges; on each axis the smallest range counts.
     """
     if cfg.base.commands == (EVERY,):
         cfg = replace(cfg, base=replace(cfg.base, commands=commands_for(bundles)))
@@ -121,38 +123,35 @@ def evaluate_all(
         "onset": {
             bundle.name: onset_of(bundle, [row for row in rows if row.policy == bundle.name], cfg.base)
             for bundle in bundles
-            if has_onset(bundle) and robot is None and cfg.base.terrain == "flat"
+            # A policy that met friction follows up to its training's friction.
+            if not isinstance(bundle, OwnPolicy) and not bundle.contract.met_friction
+            if robot is None and cfg.base.terrain == "flat"
         },
         "rows": details,
     }
     return rows, summary
 
 
-def has_onset(bundle: Bundle) -> bool:
-    """Return whether a policy never met friction; one that did follows as far as it was trained."""
-    return not isinstance(bundle, OwnPolicy) and not bundle.contract.met_friction
-
-
 def unlimited_note(bundles: Sequence[Bundle]) -> list[str]:
-    """Return one sentence on bundles whose targets a robot limits and an evaluation does not, or none."""
-    # A function runs on no robot.
+    """Return a note on bundles whose targets are limited on a robot and not in an evaluation; empty without any."""
+    # A function never runs on a robot.
     names = [b.name for b in bundles if b.contract.target_limits is None and not isinstance(b, OwnPolicy)]
     limits = f"{TARGET_LIMITS['slew']:g} rad/s and {TARGET_LIMITS['margin']:g} rad within the joints' limits"
-    return [f"targets are not limited here, and on a robot to {limits}: {', '.join(names)}"] if names else []
+    return [f"targets are limited only on a robot, to {limits}: {', '.join(names)}"] if names else []
 
 
 def _untrained_notes(bundles: Sequence[Bundle], cfg: GridCfg) -> list[str]:
-    """Return a sentence for each policy that is given commands beyond those that it was trained for."""
+    """Return a note for each policy with commands outside its training range."""
     return [
-        f"{bundle.name}: {said}; its rows beyond that judge what nobody trained"
+        f"{bundle.name}: {note}; its rows beyond that range are untrained"
         for bundle in bundles
-        # A function was trained for nothing.
-        if not isinstance(bundle, OwnPolicy) and (said := untrained(cfg.base.parsed_commands, bundle.contract))
+        # A function has no training range.
+        if not isinstance(bundle, OwnPolicy) and (note := untrained(cfg.base.parsed_commands, bundle.contract))
     ]
 
 
 def taken_together(bundles: Sequence[Bundle]) -> list[str]:
-    """Return the names of bundles without recorded settings that count as seeds of one training with others."""
+    """Return the names of bundles without recorded settings that share a sample with other bundles."""
     contracts = {bundle.name: bundle.contract for bundle in bundles if bundle.contract.settings is None}
     suffixes = sample_names({bundle.name: bundle.contract for bundle in bundles})
     groups = {name: method_of(contract) + suffixes[name] for name, contract in contracts.items()}
@@ -161,10 +160,11 @@ def taken_together(bundles: Sequence[Bundle]) -> list[str]:
 
 
 LONGEST_NAME = 120
+"""Maximum length of a policy's name."""
 
 
 def check_names(names: Sequence[str], kind: str = "bundles") -> None:
-    """Raise `StictionError` where two of a kind have the same name, or one has a name that figures cannot show."""
+    """Raise `StictionError` where two of a kind share a name, or a name cannot be shown in figures."""
     for name in names:
         if "$" in name or UNSAFE.search(name) or len(name) > LONGEST_NAME:
             raise ConfigurationError(
@@ -173,7 +173,7 @@ def check_names(names: Sequence[str], kind: str = "bundles") -> None:
             )
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigurationError(
-            f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"
+            f"two {kind} are called {twice[0]!r}; rename one directory, since results identify them by name"
         )
 
 
@@ -181,9 +181,10 @@ DESCRIBED = (
     *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
     *("known_friction", "seed", "phases", "settings", "revision", "command"),
 )
+"""Fields of the contract in the summary."""
 
 
 def describe(bundle: Bundle) -> dict[str, Any]:
-    """Return what identifies a policy: its digest, and how it was made."""
+    """Return the identity of a policy: its digest, number of feet, and the fields `DESCRIBED` of its contract."""
     feet = len(robot_of(bundle.contract).feet)
     return {"digest": bundle.digest, "feet": feet} | {name: getattr(bundle.contract, name) for name in DESCRIBED}

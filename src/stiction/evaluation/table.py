@@ -1,4 +1,4 @@
-"""Rows of results from walks, and which policies are samples of one training."""
+"""Rows of results from walks, and the grouping of policies into samples of one training."""
 
 from __future__ import annotations
 
@@ -27,37 +27,37 @@ class Sample(MethodCell):
     """One column in one cell, over training seeds; a row of methods.csv. The command may be `BOTH`."""
 
     column: str
-    """A column of results.csv; `crossed`, the share of walks that crossed their course; `speed_error`, |speed ratio -
+    """Column of results.csv; `crossed`, the share of walks that crossed their course; `speed_error`, |speed ratio - 1|,
     1|, of virtual robots the mean over robots."""
     seeds: str
     """Training seeds, separated by blanks."""
     each: str
-    """What each of them reached, in the same order."""
+    """Values of the seeds, in the same order."""
     mean: float
-    """Their mean."""
+    """Mean of the values."""
     low: float | None
-    """Lower end of its 95 % t-interval; None for one seed."""
+    """Lower end of the mean's 95 % t-interval; None for one seed."""
     high: float | None
-    """Upper end."""
+    """Upper end of that interval."""
     trials: int | None
-    """Of a rate, its trials: walks, or pairs of policy and virtual robot (not independent: policies share robots)."""
+    """Number of trials of a rate: walks, or pairs of policy and virtual robot (dependent: policies share robots)."""
     trials_low: float | None
-    """Lower end of Wilson's 95 % interval over them."""
+    """Lower end of Wilson's 95 % interval over the trials."""
     trials_high: float | None
-    """Upper end."""
+    """Upper end of that interval."""
 
 
 BOTH = "both"
-"""In methods.csv the command of a sample over forward and backward, each alike."""
+"""Command in methods.csv of a sample over forward and backward, with equal weight."""
 
 
 def rows_of(
     done: Mapping[Walk, Metrics], bundles: Sequence[Bundle], robot: str | None = None
 ) -> tuple[list[ResultRow], list[dict[str, Any]]]:
-    """Return a row per cell, in the order of the walks, and the same rows as plain data with more fields.
+    """Return one row per cell, in the order of the walks, and the same rows as plain data with more fields.
 
-    Those are Wilson's intervals of `fall_rate` and `crossed`; by virtual robot its speed ratio, and `robot_fall_rates`,
-    `robot_tracking_errors`, `robot_crossed`; `known_friction`, f/τ_max of each kind of joint by robot.
+    These are Wilson's intervals of `fall_rate` and `crossed`; per virtual robot its speed ratio, `robot_fall_rates`,
+    `robot_tracking_errors` and `robot_crossed`; `known_friction`, f/τ_max of each kind of joint by robot.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -80,87 +80,87 @@ def rows_of(
             episodes=len(walks),
             slowest_walk=slowest_of(parse_command(first.command), (done[walk].mean_velocity for walk in walks)),
             **metrics.columns,
-            **ends_of((beside := _beside(walks, done)).get("robots", {}).values()),
+            **ends_of((summary_fields := _summary_fields(walks, done)).get("robots", {}).values()),
         )
         rows.append(row)
-        details.append(asdict(row) | metrics.beside | beside)
+        details.append(asdict(row) | metrics.summary_only | summary_fields)
     return rows, details
 
 
 def law_label(walk: Walk) -> str:
-    """Return the friction law of a virtual robot as it stands in results.csv: `real`, `real-bench`, `real+load0.02`."""
+    """Return the friction law of a virtual robot in results.csv: `real`, `real-bench`, `real+load0.02`."""
     level = parse_level(walk.level)
     bench = "-bench" if level.share is None else ""
     return walk.law + bench + (f"+load{level.load:g}" if level.load else "")
 
 
 def number(walk: Walk, torque_limit: np.ndarray, spec: Robot) -> float:
-    """Return the friction level of a walk as a number; of a virtual robot the mean over joints of f/τ_max [-]."""
+    """Return the friction level of a walk as a number; for a virtual robot the mean over joints of f/τ_max [-]."""
     if walk.robot is None:
         return float(walk.level)
     return round(float((parse_level(walk.level).coulomb(spec) / torque_limit).mean()), 6)
 
 
-def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, Any]:
-    """Return the fields that a row has in summary.json alone, see `rows_of`."""
+def _summary_fields(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, Any]:
+    """Return the fields of a row stored only in summary.json, see `rows_of`."""
     robots = dict.fromkeys(walk.robot for walk in walks if walk.robot is not None)
     each = {robot: combine([done[walk] for walk in walks if walk.robot == robot]) for robot in robots}
     samples = list(each.values()) or [done[walk] for walk in walks]
-    crossed = [one.crossed for one in samples if one.crossed is not None]
-    beside: dict[str, Any] = {
-        "fall_interval": wilson(sum(one.fall_rate for one in samples), len(samples)),
+    crossed = [metrics.crossed for metrics in samples if metrics.crossed is not None]
+    fields: dict[str, Any] = {
+        "fall_interval": wilson(sum(metrics.fall_rate for metrics in samples), len(samples)),
         "crossed_interval": wilson(sum(crossed), len(crossed)) if crossed else None,
     }
     if each:
-        beside["robots"] = {str(robot): one.speed_ratio for robot, one in each.items()}
-        beside["robot_fall_rates"] = [one.fall_rate for one in samples]
-        beside["robot_tracking_errors"] = [one.tracking_error for one in samples]
-        beside["robot_crossed"] = crossed or None
+        fields["robots"] = {str(robot): metrics.speed_ratio for robot, metrics in each.items()}
+        fields["robot_fall_rates"] = [metrics.fall_rate for metrics in samples]
+        fields["robot_tracking_errors"] = [metrics.tracking_error for metrics in samples]
+        fields["robot_crossed"] = crossed or None
     if known := {walk.robot: walk.known for walk in walks if walk.known is not None}:
-        beside["known_friction"] = {
+        fields["known_friction"] = {
             "data sheet" if robot is None else str(robot): share for robot, share in known.items()
         }
-    return beside
+    return fields
 
 
 def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
-    """Return policy -> suffix of its method, so that only policies that differ in their seed share a name.
+    """Return policy -> suffix of its method; policies share a method name only if they differ in nothing but the seed.
 
-    It names what groups of a method differ in, `deception (teacher.quiet 30)`; where a seed is twice in one, the
-    policy.
+    The suffix lists the differences between the groups of a method, `deception (teacher.quiet 30)`; where a seed occurs
+    twice in a group, the policy.
     """
     groups: dict[tuple[tuple[str, ...], str | None], list[str]] = {}
     for name, contract in contracts.items():
         groups.setdefault((_sample_of(contract), key_of_settings(contract.settings)), []).append(name)
     suffixes = {}
     for (group, key), names in groups.items():
-        others = [other for other in groups if other[0][0] == group[0]]
+        alternatives = [other for other in groups if other[0][0] == group[0]]
         seeds = {contracts[name].seed for name in names}
-        words = _words(group, key, others)
-        # Shortened, two may be the same words.
-        if any(other != (group, key) and _words(*other, others) == words for other in others):
+        words = _words(group, key, alternatives)
+        # Shortened texts of two groups may be equal.
+        if any(other != (group, key) and _words(*other, alternatives) == words for other in alternatives):
             words.append(f"as {names[0]}")
         for name in names:
-            told = words if len(seeds) == len(names) else [name]
-            suffixes[name] = f" ({', '.join(told)})" if told else ""
+            label = words if len(seeds) == len(names) else [name]
+            suffixes[name] = f" ({', '.join(label)})" if label else ""
     return suffixes
 
 
 def _words(group: tuple[str, ...], key: str | None, groups: Sequence[tuple[tuple[str, ...], str | None]]) -> list[str]:
-    """Return what tells a group from the others of its method: what contracts say of all, then settings."""
+    """Return the words that distinguish a group within its method: from the contracts, then from the settings."""
     values = zip(*(other for other, _ in groups), strict=True)
-    words = [own for own, of_method in zip(group, values, strict=True) if len(set(of_method)) > 1]
+    words = [value for value, values_of_method in zip(group, values, strict=True) if len(set(values_of_method)) > 1]
     recorded = {other for _, other in groups if other is not None}
     if key is None:
         return [*words, f"settings {MISSING}"] if recorded else words
-    own, names = settings_in(key), set()
+    settings, names = settings_in(key), set()
     for other in recorded:
-        names |= {*differing(own, settings_in(other))}
-    untold = [name for name in sorted(names) if not (words and name in TOLD)] if len(recorded) > 1 else []
-    # What is the default goes without saying, where something is not.
-    given = [name for name in untold if name in own] or ([] if words else untold)
-    more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
-    return [*words, *(setting_text(own, name) for name in given[:SHOWN]), *more]
+        names |= {*differing(settings, settings_in(other))}
+    unnamed = [name for name in sorted(names) if not (words and name in TOLD)] if len(recorded) > 1 else []
+    # Defaults are listed only where all differences are defaults.
+    listed = [name for name in unnamed if name in settings] or ([] if words else unnamed)
+    more = [f"{len(listed) - SHOWN} more"] if len(listed) > SHOWN else []
+    return [*words, *(setting_text(settings, name) for name in listed[:SHOWN]), *more]
 
 
 TOLD = (
@@ -168,15 +168,15 @@ TOLD = (
     *(f"task.friction.{name}" for name in ("level", "law", "range", "spread", "load")),
     *("task.timestep", "task.decimation", "task.history"),
 )
-"""Settings that the words of a contract tell where they differ."""
+"""Settings that the words of a contract already cover."""
 
 
 USUAL_SHAPE = (Law().static_ratio, Law().stribeck_velocity)
-"""Numbers of the law `stribeck` that go without saying."""
+"""Default parameters of the law `stribeck`, which labels omit."""
 
 
 def _sample_of(contract: Contract) -> tuple[str, ...]:
-    """Return what two policies share that are samples of one training, in words; the method comes first."""
+    """Return the properties shared by samples of one training, in words; the method comes first."""
     low, high = contract.friction_range
     phases = PHASES.get(contract.phases or 0, f"phases {MISSING}")
     law = contract.friction_law
@@ -196,7 +196,7 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
 
 
 def methods_of(rows: Sequence[Any], bundles: Sequence[Bundle]) -> dict[str, str]:
-    """Return policy, as rows call it -> its method with the suffix of `sample_names`; bundles: those that walked."""
+    """Return policy, as in rows -> its method with the suffix of `sample_names`; bundles: of those policies."""
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
     # A bundle's own name may have a + in it.
     base = {row.policy: row.policy if row.policy in names else row.policy.rpartition("+")[0] for row in rows}

@@ -1,4 +1,4 @@
-"""Logs of walking robots in simulation: what their encoders, motors and IMU would have measured, at the physics rate.
+"""Logs of walking robots in simulation: simulated readings of encoders, motors and IMU at the physics rate.
 
 Robot e of a level and a command is episode e of the evaluation, step for step; the noise of its observation and the
 errors of the log (`LogNoiseCfg`) are independent.
@@ -28,32 +28,32 @@ from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.virtual.drive import drive, ignore_progress
 
 SHORTEST = 1.0
-"""Shortest walk before a fall that is still a log [s]."""
+"""Shortest walk before a fall that is logged [s]."""
 
 
 @dataclass(frozen=True)
 class LogNoiseCfg:
-    """Errors of the logged sensors. White unless stated otherwise; zero is none."""
+    """Errors of the logged sensors: white unless stated otherwise; 0 disables one."""
 
     encoder_resolution: float = 2 * np.pi / 2**15
-    """Step of the measured angle [rad]: 15 bits at the joint, as 12 bits at a motor behind a gear of 8."""
+    """Resolution of the measured angle [rad]: 15 bits at the joint, as 12 bits at a motor with a gear ratio of 8."""
     joint_velocity: float = 0.02
     """Standard deviation of the motor controller's velocity [rad/s]."""
     joint_torque: float = 0.005
     """Standard deviation of the torque over the motor's limit [1], without errors of the torque constant."""
     joint_torque_zero: float = 0.005
-    """Half-width of each motor's constant torque error over its limit [1]: the zero of the current sensor."""
+    """Half-width of each motor's constant torque error over its limit [1]: the zero offset of the current sensor."""
     angular_velocity: float = 0.003
     """Standard deviation of the gyroscope [rad/s]: 0.01 °/s/√Hz over 200 Hz."""
     specific_force: float = 0.05
-    """Standard deviation of the accelerometer [m/s²]: some 400 µg/√Hz over 200 Hz, a cheap one."""
+    """Standard deviation of the accelerometer [m/s²]: some 400 µg/√Hz over 200 Hz, a cheap sensor."""
     specific_force_bias: float = 0.05
     """Half-width of the accelerometer's constant error along each axis [m/s²]: 5 mg is common after calibration."""
     roll_pitch: float = 0.005
     """Half-width of the orientation filter's constant error in roll and pitch [rad]."""
 
     def __post_init__(self) -> None:
-        """Refuse negative sizes."""
+        """Reject negative sizes."""
         for name, value in asdict(self).items():
             if not 0 <= value < 1e3:
                 raise ConfigurationError(f"log noise {name} is {value}; expected a size of at least 0")
@@ -61,20 +61,20 @@ class LogNoiseCfg:
 
 @dataclass(frozen=True)
 class RecordCfg:
-    """Which walks to log."""
+    """Number, length and sensors of the logged walks."""
 
     robots: int = 4
-    """Robots per level and command."""
+    """Number of robots per level and command."""
     seconds: float = 10.0
     """Length of a log [s]; a fall ends it sooner."""
     noise: LogNoiseCfg = field(default_factory=LogNoiseCfg)
     """Errors of the sensors."""
     torque: Literal["motor_side", "output_side"] = "motor_side"
-    """Logged torque. `motor_side`: that of the motor. `output_side`: that behind the gear, less the solver's dry
-    friction and B q', with the rotor's I q'' put back."""
+    """Logged torque: `motor_side`, the motor's; `output_side`, behind the gear, which is the motor's less the solver's
+    dry friction and B q', plus the rotor's I q''."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be recorded."""
+        """Reject invalid numbers of robots, lengths and torques."""
         if self.torque not in TORQUE_SOURCES:
             raise ConfigurationError(f"torque logged on {self.torque!r}; expected {' or '.join(TORQUE_SOURCES)}")
         if not (1 <= self.robots <= 1000 and SHORTEST <= self.seconds <= 3600):
@@ -85,7 +85,7 @@ class RecordCfg:
 
 @dataclass(frozen=True)
 class RecordedWalk:
-    """A log and where it belongs."""
+    """Log of one robot's walk, and its conditions."""
 
     law: str
     level: float
@@ -93,11 +93,11 @@ class RecordedWalk:
     command: str
     robot: int
     log: WalkLog | None
-    """The log; None where the robot fell within `SHORTEST`."""
+    """Log; None where the robot fell within `SHORTEST`."""
 
     @property
     def file_name(self) -> str:
-        """Name for the log's file, without the bundle: `0.1--vx=0.5--0.npz`, `load-0.1--...` of another law."""
+        """Name of the log's file, without the bundle: `0.1--vx=0.5--0.npz`, `load-0.1--...` of another law."""
         law = "" if self.law == "coulomb" else f"{self.law}-"
         return f"{law}{self.level:g}--{self.command}--{self.robot}.npz"
 
@@ -123,7 +123,7 @@ def log_all(
         for name, log in logs.items():
             if not overwrite and (folder / name).exists() and not has_walk(folder / name, log):
                 raise ConfigurationError(
-                    f"{folder / name} is there, of another walk; choose another --log, or add --overwrite"
+                    f"{folder / name} exists already, of another walk; choose another --log, or add --overwrite"
                 )
         for name, log in logs.items():
             write_walk(folder / name, log)
@@ -190,10 +190,10 @@ def record_motion(
     progress: Callable[[float], None] = ignore_progress,
     meter: FrictionMeter | None = None,
 ) -> list[dict[str, np.ndarray] | None]:
-    """Walk a batch and return the true signals of each robot, fields of `WalkLog`, to its fall; None under `SHORTEST`.
+    """Walk a batch; return each robot's true signals, fields of `WalkLog`, up to its fall; None below `SHORTEST`.
 
     kd: gains of the joint controllers [N m s/rad], (J,); velocity: commands, (N, 3). The torque is the motor's mean
-    over the physics step; with a `meter` that behind the gear, less dry friction as the solver applied it and B θ'.
+    over the physics step; with a `meter` it is behind the gear: less dry friction as the solver applied it, and B θ'.
     """
     fleet = rollout.fleet
     recorder = _MotionRecorder(fleet, kd, velocity, steps, meter)
@@ -211,30 +211,30 @@ def record_motion(
 
 
 class _MotionRecorder:
-    """Records the true signals of every physics step of a batch, and when each robot fell."""
+    """Recorder of the true signals of every physics step of a batch, and of each robot's time of fall."""
 
     def __init__(
         self, fleet: Fleet, kd: np.ndarray, velocity: np.ndarray, steps: int, meter: FrictionMeter | None
     ) -> None:
-        """Look at every physics step from now on; arguments as of `record_motion`."""
+        """Record every physics step from now on; arguments as of `record_motion`."""
         self._kd, self._velocity, self._meter = kd, velocity, meter
         self._upright = np.ones(fleet.num_envs, bool)
         self.alive = np.full(fleet.num_envs, steps * fleet.decimation)
-        """Physics steps that each robot walked, shape (N,)."""
+        """Number of physics steps walked by each robot, shape (N,)."""
         self.samples: list[dict[str, np.ndarray]] = []
         """Signals of every physics step, shapes (N, ...)."""
-        # Before the joints' controllers: what they had, and not what they are about to get.
+        # Before the joints' controllers: the targets before they change them.
         fleet.before_step.insert(0, self._begin)
         fleet.after_step.append(self._end)
         if meter is not None:
             fleet.before_step.append(meter)
 
     def _begin(self, fleet: Fleet) -> None:
-        """Keep the state at the start of a physics step."""
+        """Store the state at the start of a physics step."""
         self._state, self._before = _state(fleet, self._velocity), fleet.qvel.copy()
 
     def _end(self, fleet: Fleet, blown_up: np.ndarray) -> None:
-        """Add a physics step; robots that blew up stand again, so that no number is lost on those beside them."""
+        """Add a physics step; robots that blew up stand again, so that the signals of the rest stay finite."""
         forces = _forces(fleet, self._state["quaternion"], self._kd, fleet.qvel - self._before)
         if self._meter is not None:
             forces["joint_torque"] += self._meter.torque - fleet.damping * fleet.joint_velocity
@@ -242,7 +242,7 @@ class _MotionRecorder:
         self._upright[blown_up] = False
         fleet.reset(blown_up)
         self._upright &= ~fleet.fallen()
-        # Without the step in which it fell; the minimum keeps the first fall.
+        # Without the step of the fall; the minimum keeps the first fall.
         fallen = ~self._upright
         self.alive[fallen] = np.minimum(self.alive[fallen], len(self.samples) - 1)
 
@@ -262,7 +262,7 @@ def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:
 def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
     """Return torques, forces and contacts of the last physics step, shapes (N, ...); change: of velocities, (N, 6 + J).
 
-    The simulator's own accelerations are not used: they leave out what its integrator does implicitly.
+    The simulator's own accelerations are not used: they omit the implicit part of its integrator.
     """
     # MuJoCo's implicit integrator takes -kd θ' at the end of the step, unless the motor is at its limit, and reports
     # the one at the start. The difference, kd θ'' Δt, is as large as the rotor's inertial torque.
@@ -276,7 +276,7 @@ def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.nda
 
 
 def measure_walk(truth: WalkLog, noise: LogNoiseCfg, generator: np.random.Generator) -> WalkLog:
-    """Return a true log with the errors of its sensors."""
+    """Return a true log with the errors of its sensors added."""
 
     def white(array: np.ndarray, size: float | np.ndarray) -> np.ndarray:
         return array + size * generator.standard_normal(array.shape)
@@ -300,16 +300,16 @@ def measure_walk(truth: WalkLog, noise: LogNoiseCfg, generator: np.random.Genera
 
 
 class FrictionMeter:
-    """Measures the dry friction of the coming physics step by solving it once more, robot by robot: append it last."""
+    """Meter of the dry friction in the coming physics step, solved once more for each robot; append it last."""
 
     def __init__(self, fleet: Fleet) -> None:
-        """Copy each robot's model as it is now; of it only dry friction may change later."""
+        """Copy each robot's current model; only its dry friction may change later."""
         self._copies = [fleet.simulation.materialize(env) for env in range(fleet.num_envs)]
         self.torque = np.zeros((fleet.num_envs, fleet.spec.num_joints))
         """Torque of dry friction on each joint, against its motion [N m], shape (N, J)."""
 
     def __call__(self, fleet: Fleet) -> None:
-        """Solve the coming step of every robot and keep the forces of its friction rows."""
+        """Solve the coming step of every robot and store the forces of its friction rows."""
         state = fleet.simulation.state()
         for env, (model, data) in enumerate(self._copies):
             for name, values in state.items():

@@ -171,7 +171,8 @@ def compare_runs(runs: Sequence[Run], base: Fit) -> Pooling:
     for index in range(len(runs)):
         rows = base.rows.take(base.rows.run == index)
         if INVERSE_STRENGTH in base.names:
-            rows = _scaled(rows, inverse)
+            # The known load in the unit of the torque.
+            rows = replace(rows, payload=inverse * rows.payload, load=inverse * rows.load)
         if len(rows) < FEWEST_ROWS:
             alone.append(None)
             continue
@@ -179,8 +180,3 @@ def compare_runs(runs: Sequence[Run], base: Fit) -> Pooling:
         clear = max(fit.inflation[name] for name in COMPARED) < MAX_INFLATION
         alone.append({name: fit.estimates()[name] for name in COMPARED} if clear else None)
     return Pooling(tuple(run.source for run in runs), tuple(alone))
-
-
-def _scaled(rows: Rows, inverse: float) -> Rows:
-    """Return rows whose known load is in the unit of the torque."""
-    return replace(rows, payload=inverse * rows.payload, load=inverse * rows.load)

@@ -2,7 +2,7 @@
 
     supervisor ──a beat each turn──▶ shared memory ──▶ watchdog ──damping, where beats end──▶ robot
 
-It has a way of its own to the robot (`transports.spare`), sends nothing but damping, and nothing while beats come. The
+It has its own link to the robot (`open_spare`), sends only damping, and nothing while beats come. The
 limit is the supervisor's own (`gap`): a supervisor that made no turn for longer stops by itself when it goes on, so
 that no run ends by the watchdog that would have gone on without it. Started as a module:
 
@@ -32,9 +32,10 @@ from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.operator import SIGNALS
 from stiction.deploy.runtime.settling import Settling
+from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.link import Link, Spare
-from stiction.deploy.transports.spare import open_spare
 from stiction.files.bundle import reread_bundle
+from stiction.files.contract import Contract
 
 BEAT, LIMIT, NUMBER, ACTED, HEARD, LOOKED = range(6)
 """Places in the shared memory. Of the supervisor: begin of its last turn [s]; longest silence [s], 0 while
@@ -51,6 +52,18 @@ AGAIN = 0.002
 
 READY, FAILED = b"+", b"-"
 """First byte of its only message, before its writer's name, or the reason of a failure."""
+
+
+def open_spare(spare: Spare, contract: Contract) -> Link:
+    """Return a link to the robot that another process of ours drives; nothing is sent. Errors as of the transport's."""
+    if spare.transport == "udp":
+        from stiction.deploy.transports.udp import LOOPBACK, UdpLink
+
+        return UdpLink((LOOPBACK, 0), **spare.settings, file=spare.files[0])
+    from stiction.deploy.transports.unitree import unitree_link
+
+    held = HeldCfg(**spare.settings["held"])
+    return unitree_link(spare.transport, spare.settings["interface"], spare.settings["domain"], contract, held)
 
 
 def shared_memory() -> int:

@@ -71,7 +71,7 @@ class Peers:
 
 @dataclass(frozen=True)
 class Spare:
-    """Second way to the same robot, for another process of ours, see `transports.spare`."""
+    """Second way to the same robot, for another process of ours, see `runtime.watchdog.open_spare`."""
 
     transport: str
     settings: Mapping[str, Any]

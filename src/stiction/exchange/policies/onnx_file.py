@@ -152,7 +152,8 @@ def _read(data: bytes, read_file: ReadFile | None) -> ForeignNetwork:
     inputs = [port for port in _ports(graph["input"], "input") if port.name not in constants]
     outputs = _ports(graph["output"], "output")
     # The velocity that our own networks estimate besides the action: no other runtime asks for it.
-    sides = (inputs, outputs[: len(outputs) - _estimates(outputs)])
+    estimates = [port.name for port in outputs] == [OUTPUT, VELOCITY]
+    sides = (inputs, outputs[: len(outputs) - estimates])
     for side, ports in zip(("input", "output"), sides, strict=True):
         if len(ports) != 1:
             faults.append(_several(ports, side))
@@ -199,11 +200,6 @@ def _of_today(node: Node, opset: int, constants: dict[str, Tensor]) -> list[Node
     constants[name] = constant(name, np.array(axes, dtype=np.int64))
     left = {other: value for other, value in node.attributes.items() if other != key}
     return [replace(node, inputs=(*node.inputs[:1], name), attributes=left)]
-
-
-def _estimates(outputs: list[Port]) -> bool:
-    """Return True if the outputs are those of a policy with a `command_correction`."""
-    return [port.name for port in outputs] == [OUTPUT, VELOCITY]
 
 
 def _several(ports: Sequence[Port], side: str) -> str:
