@@ -199,7 +199,9 @@ def rooms() -> str:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
-    layers = next(one["layers"] for one in contracts if one["type"] == "layers" and one["containers"] == ["stiction"])
+    layers = next(
+        rule["layers"] for rule in contracts if rule["type"] == "layers" and rule["containers"] == ["stiction"]
+    )
     parts = []
     for number, layer in enumerate(layers):
         names = [name.strip() for name in layer.split("|")]

@@ -36,4 +36,4 @@ def sentences(text: str) -> list[str]:
 
 def long_sentences(text: str, most: int) -> list[str]:
     """Return the sentences of more than `most` words; a word has a letter or a digit."""
-    return [one for one in sentences(text) if sum(bool(re.search(r"\w", word)) for word in one.split()) > most]
+    return [line for line in sentences(text) if sum(bool(re.search(r"\w", word)) for word in line.split()) > most]

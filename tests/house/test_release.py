@@ -118,7 +118,7 @@ def test_a_workflow_pins_what_it_runs_and_asks_for_little(name: str, rights: dic
     assert used and all(re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name) for name in used), used
     assert flow["permissions"] == {} and {job: flow["jobs"][job]["permissions"] for job in flow["jobs"]} == rights
     assert "password" not in str(flow) and "secrets" not in str(flow)
-    assert not [job for job, given in rights.items() if "write" in str(given) and flow["jobs"][job]["needs"] != "build"]
+    assert not [job for job, right in rights.items() if "write" in str(right) and flow["jobs"][job]["needs"] != "build"]
     rules = re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(), re.MULTILINE)
     lines = [line for step in steps for line in re.findall(r"make ((?:[a-z-]+ ?)+)", step.get("run", ""))]
     assert {word for line in lines for word in line.split()} == set(made.split()) <= set(rules)
