@@ -145,3 +145,20 @@ def test_an_empty_path_is_refused(words: list[str], named: str, capsys: pytest.C
     assert stop.value.code == 2 and printed.count("\n") == 1
     assert f"{named} '': expected a path" in printed
     assert read_options(Ways, ["here", "--note", "", "--out", "."], "x", TEXT) == Ways(Path("here"), Path())
+
+
+@pytest.mark.parametrize("words", [["0,0.1,0.2"], ["0,", "0.1,", "0.2"], ["0", "0.1", "0.2"], ["0,0.1", "0.2"]])
+def test_lists_of_numbers_take_commas_and_blanks(words: list[str]) -> None:
+    """As people write lists; a gap between two commas is no number, and one number alone takes none."""
+
+    @dataclass(frozen=True)
+    class Levels:
+        levels: tuple[float, ...] = ()
+        """Levels."""
+        seed: int = 0
+        """Seed."""
+
+    assert read_options(Levels, ["--levels", *words], "it", "Do it.").levels == (0.0, 0.1, 0.2)
+    for wrong in (["--levels", "0,,1"], ["--seed", "1,2"]):
+        with pytest.raises(SystemExit):
+            read_options(Levels, wrong, "it", "Do it.")

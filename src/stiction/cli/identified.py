@@ -18,10 +18,7 @@ from stiction.files.joints import JointsFile
 from stiction.files.log import Log, sidecar_of
 from stiction.files.plain import object_text
 from stiction.files.settings import SETTINGS
-from stiction.report.gauge import ANSWERS
 from stiction.report.glance import STYLES, print_glance
-from stiction.report.identified import MOST_ROWS, UNKNOWN, glance_of, glance_rows
-from stiction.report.joints import unit
 from stiction.report.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -116,6 +113,8 @@ def print_results(options: WriteOptions, joints: JointsFile, command: str) -> No
     if options.json:
         print(object_text(joints.to_dict()), end="")
         return
+    from stiction.report.identified import glance_of
+
     if (glance := glance_of(joints, options.out, command, options.page)) is None:
         raise FileError(f"{options.out}: got joints without an answer, expected one each; report this")
     tables = [_several(joints)] if len(joints.joints) > 1 else []
@@ -124,6 +123,10 @@ def print_results(options: WriteOptions, joints: JointsFile, command: str) -> No
 
 def _several(joints: JointsFile) -> Table:
     """Tabulate several joints, the worst first."""
+    from stiction.report.gauge import ANSWERS
+    from stiction.report.identified import MOST_ROWS, UNKNOWN, glance_rows
+    from stiction.report.joints import unit
+
     units = dict.fromkeys(unit(record, "coulomb_friction") for record in joints.joints.values())
     over = all(record.coulomb_friction is None for record in joints.joints.values() if record.diagnostics)
     heading = f"friction{'/k' if over else ''} [{' or '.join(units)}]"

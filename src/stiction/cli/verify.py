@@ -6,17 +6,16 @@ import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from stiction.core.errors import StictionError
 from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
-from stiction.deploy.check import BundleCheck
-from stiction.files.golden import exercise_of
-from stiction.files.known_friction import known_friction_text
-from stiction.files.onset import golden_motion, predict_onset
 from stiction.report.glance import Glance, print_glance
 from stiction.report.terminal import Terminal
+
+if TYPE_CHECKING:
+    from stiction.deploy.check import BundleCheck
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,10 @@ def main(arguments: list[str]) -> None:
 
 def _glance(check: BundleCheck, given: str, known: str | None) -> Glance:
     """Return a bundle that passed every check. given: as typed; known: `expected` or `allowed`, as its digest was."""
+    from stiction.files.golden import exercise_of
+    from stiction.files.known_friction import known_friction_text
+    from stiction.files.onset import golden_motion, predict_onset
+
     bundle, contract = check.bundle, check.bundle.contract
     notes, missed = [], exercise_of(bundle.golden, contract).missed
     if check.signer is None and known is None:

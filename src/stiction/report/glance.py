@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 import textwrap
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from markupsafe import Markup
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stiction.files.joints import Estimate
-from stiction.report.page import render_block
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+    from stiction.files.joints import Estimate
 
 Tone = Literal["good", "note", "warn", "bad", "unknown"]
 """Colour of an answer, from the best to the worst; `unknown` where there is none."""
@@ -138,4 +139,6 @@ def _placed(value: float, like: float) -> str:
 
 def card(glance: Glance, *figures: Markup) -> Markup:
     """Return the result as the card that a page begins with. figures: from the most important on, the last beside."""
+    from stiction.report.page import render_block
+
     return render_block("card", glance, *glance.words, figures)

@@ -85,6 +85,7 @@ def parse_level(text: str) -> Level:
 
 def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
     """Return the levels of several texts; raise `StictionError` for none, or for a repeated one (0.1 and 0.10)."""
+    texts = [part for text in texts for part in text.split(",")]
     check_once("friction levels", texts, same=lambda text: parse_level(text).label)
     return tuple(map(parse_level, texts))
 
