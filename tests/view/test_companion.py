@@ -13,6 +13,7 @@ pytest.importorskip("torch", reason="training needs the extra train")
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.evaluation.export import TrainedPolicy
+from stiction.evaluation.newest import NewestPolicy
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_student, train
@@ -20,8 +21,7 @@ from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
 from stiction.view import companion
 from stiction.view.companion import watching
-from stiction.view.run import ViewedRun
-from stiction.view.simulation import Simulation
+from stiction.view.simulation import Simulation, viewed
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.1)),
@@ -37,10 +37,10 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
     """If this failed, `train --view` would show nothing, an old policy, or one that training does not have."""
     directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
     with pytest.raises(StictionError, match="has no checkpoint yet; wait for it with --follow"):
-        ViewedRun(directory.path)
-    run = ViewedRun(directory.path, wait=True)
+        NewestPolicy(directory.path)
+    run = NewestPolicy(directory.path, wait=True)
     assert run.name == "run: no checkpoint yet, standing" and not run.refresh()
-    simulation = Simulation([run.viewed()], run.robot)
+    simulation = Simulation([viewed(run)], run.robot)
     simulation.set_velocity((0.0, 0.0, 0.0))
     walker = simulation.walkers[0]
     simulation.step()
@@ -49,7 +49,7 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
 
     train(CFG, directory)
     assert run.refresh() and not run.refresh() and run.name == "run: student 000001"
-    walker.teach(run.viewed())
+    walker.teach(viewed(run))
     simulation.step()
     step = walker.seen.step
     assert np.abs(step.policy.target - run.contract.array("standing")).max() > 1e-6
@@ -68,9 +68,9 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
 
     for file in directory.checkpoints.glob("student_*"):
         file.unlink()
-    teacher = ViewedRun(directory.path)
+    teacher = NewestPolicy(directory.path)
     assert teacher.name == "run: teacher 000001"
-    simulation = Simulation([teacher.viewed()], teacher.robot)
+    simulation = Simulation([viewed(teacher)], teacher.robot)
     simulation.step()
     assert np.isfinite(simulation.walkers[0].seen.step.policy.action).all()
 

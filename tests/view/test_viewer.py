@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -159,15 +158,17 @@ def test_a_checkpoint_is_chosen_and_one_that_fails_is_taken_back(viewer: Viewer,
     """The drop-down lists what the run has; a choice that cannot be read leaves the policy and the choice."""
 
     class Run:
-        chosen, checkpoints = "newest", ("newest", "teacher_000002")
+        chosen, checkpoints, meter = "newest", ("newest", "teacher_000002"), None
+        contract, load = viewer.simulation.walkers[0].policy.contract, viewer.simulation.walkers[0].policy.load
 
         def choose(self, name: str) -> None:
             if name not in self.checkpoints:
                 raise ConfigurationError(f"no {name}")
             self.chosen = name
 
-        def viewed(self) -> ViewedPolicy:
-            return replace(viewer.simulation.walkers[0].policy, name=f"run: {self.chosen}")
+        @property
+        def name(self) -> str:
+            return f"run: {self.chosen}"
 
     with serve() as server:
         other = Viewer(server, viewer.simulation, tmp_path, runs={0: Run()})

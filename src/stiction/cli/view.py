@@ -17,8 +17,8 @@ from stiction.files.settings import check_file
 from stiction.task.friction import law_flag
 
 if TYPE_CHECKING:
+    from stiction.evaluation.newest import NewestPolicy
     from stiction.robots.model import Robot
-    from stiction.view.run import ViewedRun
     from stiction.view.simulation import Simulation, ViewedPolicy
 
 DESCRIPTION = """Watch policies walk side by side in the browser, and change their joints' dry friction while they walk.
@@ -111,24 +111,24 @@ def main(arguments: list[str]) -> int:
         return 0
 
 
-def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, ViewedRun]]:
+def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, NewestPolicy]]:
     """Return the policies to view, their robot, and the training runs among them by number."""
     from stiction.deploy.check import check_for_simulation, record_notes
     from stiction.files.bundle import find_bundle
     from stiction.files.contract import robot_of
     from stiction.report.terminal import print_warnings
-    from stiction.view.simulation import ViewedPolicy
+    from stiction.view.simulation import ViewedPolicy, viewed
 
     policies: list[ViewedPolicy] = []
     folders: list[str] = []
     robots: list[Robot] = []
-    runs: dict[int, ViewedRun] = {}
+    runs: dict[int, NewestPolicy] = {}
     for number, path in enumerate(cfg.policies or map(Path, SHIPPED)):
         if (path / "config.json").is_file():
-            from stiction.view.run import ViewedRun
+            from stiction.evaluation.newest import NewestPolicy
 
-            run = runs[number] = ViewedRun(path, wait=cfg.follow, robot=cfg.robot)
-            policies.append(run.viewed())
+            run = runs[number] = NewestPolicy(path, wait=cfg.follow, robot=cfg.robot)
+            policies.append(viewed(run))
             robots.append(run.robot)
             folders.append(path.resolve().name)
         else:
@@ -187,7 +187,7 @@ def write_static(cfg: ViewCfg, path: Path, simulation: Simulation) -> int:
     return 0
 
 
-def show(cfg: ViewCfg, simulation: Simulation, runs: dict[int, ViewedRun]) -> int:
+def show(cfg: ViewCfg, simulation: Simulation, runs: dict[int, NewestPolicy]) -> int:
     """Serve until a signal ends it."""
     from stiction.view.server import LOOPBACK, serve
     from stiction.view.viewer import Viewer

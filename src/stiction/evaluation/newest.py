@@ -1,4 +1,4 @@
-"""Newest checkpoint of a training run, finished or not, as a policy of one robot. Needs torch.
+"""Newest checkpoint of a training run, finished or not, or a chosen one, as a policy of one robot. Needs torch.
 
 The teacher of two phases observes the friction of its robot: here the nominal friction of its training.
 """
@@ -13,10 +13,11 @@ import numpy as np
 import torch
 from torch import nn
 
-from stiction.core.errors import ConfigurationError, StictionError, TrainingError
+from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.evaluation.export import TrainedPolicy, contract_of
+from stiction.evaluation.reward_meter import RewardMeter
 from stiction.files.contract import Contract, robot_of
 from stiction.learning.models import RMAActor, StudentPolicy
 from stiction.learning.run import RunDirectory, latest_checkpoint
@@ -27,6 +28,10 @@ from stiction.task.randomization import nominal_privileged
 
 LOOK_EVERY = 2.0
 """Time between two looks for a newer checkpoint [s]."""
+
+
+NEWEST = "newest"
+"""Choice of checkpoint that follows the training."""
 
 
 class LatentPolicy(nn.Module):
@@ -150,6 +155,7 @@ class NewestPolicy:
         self.robot = robot_of(self.contract)
         self._file: Path | None = None
         self._module: torch.nn.Module | None = None
+        self.chosen, self._lock = NEWEST, threading.RLock()
         if not self.refresh() and not wait:
             raise TrainingError(f"{run} has no checkpoint yet; wait for it with --follow")
 
@@ -163,8 +169,40 @@ class NewestPolicy:
         """Return the newest policy that was read, with an empty history."""
         return Standing(self.contract) if self._module is None else OneTrained(self._module, self.contract)
 
+    @property
+    def checkpoints(self) -> tuple[str, ...]:
+        """Names of the choices: `newest`, then the complete checkpoints, students before teachers, newest first."""
+        files = self._directory.checkpoints.glob("*_*.safetensors")
+        names = [file.stem for file in files if file.with_suffix(".json").exists()]
+        return (NEWEST, *sorted(names, key=lambda name: (name.startswith("student"), name), reverse=True))
+
+    def choose(self, name: str) -> None:
+        """Read a checkpoint by its name, or the newest. Raises `StictionError` if it is missing or not readable."""
+        if name not in self.checkpoints:
+            raise TrainingError(unknown_name("checkpoint", name, self.checkpoints))
+        with self._lock:
+            if name == NEWEST:
+                self.chosen = name
+                self.refresh()
+                return
+            file = self._directory.checkpoints / f"{name}.safetensors"
+            self._module, self._file = self._read(name.partition("_")[0], file), file
+            self.chosen = name
+
+    def meter(self) -> RewardMeter:
+        """Return a meter of the training's reward terms on one robot."""
+        return RewardMeter(self._directory.config().task, self.robot)
+
     def refresh(self) -> bool:
-        """Read the newest checkpoint; return True if it is newer than the last one read. Raises `StictionError`."""
+        """Read the newest checkpoint; return whether it is newer than before.
+
+        False while an older one is chosen. Raises `StictionError`.
+        """
+        with self._lock:
+            return self.chosen == NEWEST and self._read_newest()
+
+    def _read_newest(self) -> bool:
+        """Read the newest checkpoint; return whether it is newer than before."""
         directory = self._directory
         for phase in ("student", "teacher"):
             file = latest_checkpoint(directory.checkpoints, phase)

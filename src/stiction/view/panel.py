@@ -14,7 +14,7 @@ from stiction.joints.friction import MAX_LEVEL, has_coefficient
 from stiction.view.clip import LONGEST_CLIP
 from stiction.view.page import page_parts
 from stiction.view.scene import colors
-from stiction.view.simulation import MAX_WEAR, WALKING, Simulation, ViewedPolicy, finite
+from stiction.view.simulation import MAX_WEAR, WALKING, Run, Simulation, finite
 
 TERRAINS = ("flat", "stairs=0.05", "stairs=0.1", "slope=0.2", "rough=0.05")
 """Grounds to choose from, in addition to the one of the command line."""
@@ -42,23 +42,6 @@ KEYS = """\
 **G** more friction, **Shift G** less · **M** more wear, **Shift M** less\\
 **P** push · **R** restart · **Space** pause · **N** single step · **C** record · **V** clip\\
 Mouse: turn, move, zoom. Keys act while the pointer is over the scene and not in a field."""
-
-
-class Run(Protocol):
-    """A training run whose checkpoint can be chosen; see `view.run.ViewedRun`."""
-
-    chosen: str
-    """Name of the choice."""
-
-    @property
-    def checkpoints(self) -> tuple[str, ...]:
-        """Names of the choices."""
-
-    def choose(self, name: str) -> None:
-        """Read a checkpoint. Raises `StictionError`."""
-
-    def viewed(self) -> ViewedPolicy:
-        """Return its policy."""
 
 
 class Session(Protocol):

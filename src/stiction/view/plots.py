@@ -65,6 +65,7 @@ class Plots:
                 beliefs += [line(f"{name} not trusted", DOUBTED, DOUBTED_DASH)]
         for old in self._handles:
             old.remove()
+        self._top = top_of(self._data("friction")[1:])
         plots: tuple[tuple[str, str, list[Any], str], ...] = (
             (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
             (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
@@ -72,7 +73,6 @@ class Plots:
         )
         with self._tab:
             self._handles = [self._plot(*plot, dark) for plot in plots]
-        self._handles[-1].scales = friction_scales(self._top)
 
     def _plot(self, title: str, unit: str, lines: list[Any], columns: str, dark: bool) -> viser.GuiUplotHandle:
         """Add a plot to the tab."""
@@ -80,7 +80,7 @@ class Plots:
             self._data(columns),
             ({"label": "time [s]"}, *lines),
             title=title,
-            scales={"x": {"time": False}, "y": {"auto": True}},
+            scales=friction_scales(self._top) if columns == "friction" else {"x": {"time": False}},
             axes=axes(unit, dark),
             legend={"show": True},
             height=HEIGHT,
@@ -90,8 +90,8 @@ class Plots:
         """Show the present history."""
         top = top_of(self._data("friction")[1:])
         if top != self._top:
-            self._top = top
-            self._handles[-1].scales = friction_scales(top)
+            # New plots: viser keeps a wrong range of time where the scales of one are changed.
+            self.rebuild(self._dark)
         for handle, columns in zip(self._handles, ("speed", "torque", "friction"), strict=True):
             handle.data = self._data(columns)
         text = belief_text(self._simulation.walkers)

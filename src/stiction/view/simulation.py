@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -36,9 +36,6 @@ from stiction.virtual.drive import Noisy
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.trial import VirtualWalk, World
 
-if TYPE_CHECKING:  # Needs torch.
-    from stiction.view.rewards import RewardMeter
-
 LYING = 1.5
 """Time that a robot lies where it fell before it is put back to the start [s]."""
 
@@ -50,6 +47,27 @@ FASTEST_PUSH = 3.0
 
 WALKING = 0.5
 """Forward speed at which robots start, unless they were trained for less [m/s]."""
+
+
+class RewardMeter(Protocol):
+    """Meter of reward terms, without torch; see `evaluation.reward_meter.RewardMeter`."""
+
+    values: dict[str, float]
+    """Weighted terms of the last control step, by name [1/s]."""
+
+    def reset(self) -> None:
+        """Forget the steps before."""
+
+    def add(
+        self,
+        motion: Motion,
+        torque: np.ndarray,
+        action: np.ndarray,
+        command: np.ndarray,
+        fallen: bool = False,
+        ground: float = 0.0,
+    ) -> None:
+        """Measure a control step."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +95,37 @@ class ViewedPolicy:
         """Return the policy of a checked bundle, called `name`, by default after its training."""
         contract = bundle.contract
         return cls(name or plain_name(contract), contract, lambda: load_policy(contract, bundle.policy), bundle.wear)
+
+
+class Run(Protocol):
+    """A training run whose checkpoint can be chosen, without torch; see `evaluation.newest.NewestPolicy`."""
+
+    contract: Contract
+    """Interface of its policies."""
+    chosen: str
+    """Name of the choice."""
+
+    @property
+    def name(self) -> str:
+        """Name of run and checkpoint."""
+
+    def load(self) -> DrivingPolicy:
+        """Return the policy that was read last."""
+
+    def meter(self) -> RewardMeter:
+        """Return a meter of its reward terms."""
+
+    @property
+    def checkpoints(self) -> tuple[str, ...]:
+        """Names of the choices."""
+
+    def choose(self, name: str) -> None:
+        """Read a checkpoint. Raises `StictionError`."""
+
+
+def viewed(run: Run) -> ViewedPolicy:
+    """Return the policy of the checkpoint that was read last."""
+    return ViewedPolicy(run.name, run.contract, run.load, rewards=run.meter)
 
 
 def plain_name(contract: Contract) -> str:

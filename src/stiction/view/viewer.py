@@ -15,12 +15,12 @@ from stiction.core.errors import StictionError
 from stiction.evaluation.course import parse_course
 from stiction.view.clip import ClipBuffer, render_shot
 from stiction.view.history import History
-from stiction.view.panel import PACES, Panel, Run
+from stiction.view.panel import PACES, Panel
 from stiction.view.plots import Plots
 from stiction.view.recorder import Recorder, write_recording
 from stiction.view.scene import Scene
 from stiction.view.server import LocalServer
-from stiction.view.simulation import Simulation, ViewedPolicy, Walker
+from stiction.view.simulation import Run, Simulation, ViewedPolicy, Walker, viewed
 
 LATE = 0.1
 """Delay from which the loop gives up its pace, and the robots walk in slow motion [s]."""
@@ -203,12 +203,12 @@ class Viewer:
 
     def refresh(self, robot: int) -> None:
         """Give a robot the newest checkpoint of its run before the next control step; called in any thread."""
-        self.submit(lambda: self.teach(robot, self._runs[robot].viewed()))
+        self.submit(lambda: self.teach(robot, viewed(self._runs[robot])))
 
     def choose_checkpoint(self, robot: int, name: str) -> None:
         """Replace a robot's policy by a checkpoint of its run."""
         self._runs[robot].choose(name)
-        self.teach(robot, self._runs[robot].viewed())
+        self.teach(robot, viewed(self._runs[robot]))
 
     def show_joint(self, name: str) -> None:
         """Plot the torque of another joint."""

@@ -1,4 +1,4 @@
-"""The reward terms of the viewer against those of the training, on the same robot."""
+"""The reward terms of one robot against those of the training, on the same robot."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ pytest.importorskip("torch", reason="training needs the extra train")
 import torch
 
 from stiction.engines.engine import Motion
+from stiction.evaluation.reward_meter import RewardMeter
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.rewards import Snapshot
-from stiction.view.rewards import RewardMeter
 
 
 def motion_of(env: LocomotionEnv) -> Motion:

@@ -11,7 +11,7 @@ from stiction.task.config import TaskCfg
 from stiction.task.env import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.task.rewards import Snapshot
 
-WITHOUT_CLOCK = "clock"
+CLOCK = "clock"
 """Term that needs the gait clock of an episode, which a viewed robot does not have."""
 
 
@@ -21,7 +21,7 @@ class RewardMeter:
     def __init__(self, task: TaskCfg, spec: Robot) -> None:
         """Take the weights of a task. Raises `StictionError`: a term is not defined for the robot."""
         self._period, self._moving_above, self._spec = task.control_period, task.commands.moving_above, spec
-        self._terms = {name: term for name, term in task.rewards.terms_for(spec).items() if name != WITHOUT_CLOCK}
+        self._terms = {name: term for name, term in task.rewards.terms_for(spec).items() if name != CLOCK}
         groups = spec.groups()
         self._groups = None if groups is None else torch.from_numpy(groups)
         self.reset()
