@@ -73,8 +73,9 @@ def check_draws(
     >>> def reset():
     ...     model["friction"] = np.tile(rng.uniform(0.0, 0.2), (8, 12))  # one number for all worlds
     ...     model["mass"] = rng.uniform(0.9, 1.1, (8, 1))
-    >>> [draw.verdict for draw in check_draws(reset, lambda: model, {"friction": (0.0, 0.2), "mass": (0.9, 1.1)})]
-    ['does not act: one value for all worlds', 'acts']
+    >>> draws = check_draws(reset, lambda: model, {"friction": (0.0, 0.2), "mass": (0.9, 1.1)})
+    >>> print(*(draw.verdict for draw in draws), sep="; ")
+    does not act: one value for all worlds; acts
 
     """
     if resets < 1:
@@ -195,8 +196,9 @@ def check_hold(
     ...     brake = friction * [1.0, 0.1]
     ...     speed[:] += 0.005 / 0.1 * np.sign(torque) * np.maximum(np.abs(torque) - brake, 0.0)
     ...     angle[:] += 0.005 * speed
-    >>> [joint.verdict for joint in check_hold(step, lambda: angle, {"hip": 2.0, "knee": 2.0}, steps=200)]
-    ['holds', 'does not hold']
+    >>> joints = check_hold(step, lambda: angle, {"hip": 2.0, "knee": 2.0}, steps=200)
+    >>> print(*(joint.verdict for joint in joints), sep="; ")
+    holds; does not hold
 
     """
     if steps < 1:
