@@ -98,7 +98,7 @@ def test_an_estimate_says_what_it_cannot_tell_and_why(contract: Contract) -> Non
         ({"held": (1.2,) * 19}, "share above 1"),
         ({"tested": (500,)}, "each once"),
         ({"robots": ()}, "needs robots"),
-        ({"engine": " "}, "which engine"),
+        ({"engine": " "}, "has no engine"),
         ({"upper": (float("inf"),) * 19}, "numbers that are none"),
     ],
 )

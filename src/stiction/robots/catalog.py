@@ -96,9 +96,7 @@ def robot_in_file(name: str, where: str, how: str) -> str:
     `package.module:ROBOT`: finding such a robot runs that module, so it is typed and never read from a file.
     """
     if not isinstance(name, str) or (not is_shipped(name) and not is_file_name(_split_variation(name)[0])):
-        raise RobotError(
-            f"{where}: the robot {name!r} is neither shipped nor a file, and a file may not run a module; {how}"
-        )
+        raise RobotError(f"{where}: the robot {name!r} is neither shipped nor a file; a file runs no module: {how}")
     return name
 
 
