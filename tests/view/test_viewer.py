@@ -159,7 +159,8 @@ def test_a_checkpoint_is_chosen_and_one_that_fails_is_taken_back(viewer: Viewer,
 
     class Run:
         chosen, checkpoints, meter = "newest", ("newest", "teacher_000002"), None
-        contract, load = viewer.simulation.walkers[0].policy.contract, viewer.simulation.walkers[0].policy.load
+        contract = viewer.simulation.walkers[0].policy.contract
+        load = staticmethod(viewer.simulation.walkers[0].policy.load)
 
         def choose(self, name: str) -> None:
             if name not in self.checkpoints:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -61,8 +60,8 @@ class Plots:
             name, stroke = walker.policy.short, rgb(color)
             lines.append(line(name, stroke, DASHES[number % len(DASHES)]))
             if walker.believes:
-                beliefs += [line(f"{name} estimate", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
-                beliefs += [line(f"{name} not trusted", DOUBTED, DOUBTED_DASH)]
+                beliefs += [line(f"{name} not trusted", DOUBTED, DOUBTED_DASH), dots(f"{name} estimate", stroke, 5)]
+                beliefs += [dots(end, stroke, 2) for end in ("from", "to")]
         for old in self._handles:
             old.remove()
         self._top = top_of(self._data("friction")[1:])
@@ -114,12 +113,13 @@ class Plots:
         if name != "friction":
             return tuple(columns)
         time, true, *estimates = columns
-        believed = [
-            estimates[COLUMNS * number : COLUMNS * (number + 1)]
-            for number, walker in enumerate(self._simulation.walkers)
-            if walker.believes
-        ]
-        return (time, true, *chain(*believed))
+        believed = []
+        for number, walker in enumerate(self._simulation.walkers):
+            if walker.believes:
+                *trusted, doubted = estimates[COLUMNS * number : COLUMNS * (number + 1)]
+                # uPlot draws lines across NaN: the grey line runs below the dots of trusted estimates instead.
+                believed += [np.where(np.isnan(doubted), trusted[0], doubted), *trusted]
+        return (time, true, *believed)
 
 
 def top_of(columns: tuple[np.ndarray, ...]) -> float:
@@ -170,6 +170,11 @@ def line(label: str, stroke: str, dash: tuple[int, ...] = (), width: float = 2) 
     return {"label": label, "stroke": stroke, "width": width, "points": {"show": False}} | (
         {"dash": list(dash)} if dash else {}
     )
+
+
+def dots(label: str, stroke: str, size: float) -> dict[str, Any]:
+    """Return a series of dots without a line; size: of a dot [pixels]."""
+    return line(label, stroke, width=0) | {"points": {"show": True, "size": size, "fill": stroke, "width": 0}}
 
 
 def axes(unit: str, dark: bool) -> tuple[dict[str, Any], ...]:
