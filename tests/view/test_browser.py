@@ -58,7 +58,7 @@ def colours(tab: Tab) -> int:
 
 @pytest.mark.slow
 def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
-    """A key changes the friction for everybody, two browsers show the same robot, and nonsense from strangers changes nothing."""
+    """A key changes the friction in both browsers, and nonsense from strangers changes nothing."""
     with view(POLICY, "--command", "vx=0.5", "--out", tmp_path) as process:
         try:
             assert process.stdout is not None and process.stderr is not None

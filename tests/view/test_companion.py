@@ -34,7 +34,7 @@ CFG = TrainCfg(
 
 
 def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp_path: Path) -> None:
-    """Stands without a checkpoint, and acts as the training's own student, then teacher, with each that comes or is chosen."""
+    """Stands without a checkpoint, then acts as the training's newest or chosen student or teacher."""
     directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
     with pytest.raises(StictionError, match="has no checkpoint yet; wait for it with --follow"):
         NewestPolicy(directory.path)
