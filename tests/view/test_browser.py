@@ -58,7 +58,7 @@ def colours(tab: Tab) -> int:
 
 @pytest.mark.slow
 def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
-    """If this failed, the viewer would not work where people look: in a browser."""
+    """A key changes the friction in both browsers, and nonsense from strangers changes nothing."""
     with view(POLICY, "--command", "vx=0.5", "--out", tmp_path) as process:
         try:
             assert process.stdout is not None and process.stderr is not None
@@ -85,8 +85,8 @@ def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_pat
             assert first.complaints == [] and second.complaints == []
         finally:
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=30)
-        assert (process.returncode, said) == (0, "")
+            _, printed = process.communicate(timeout=30)
+        assert (process.returncode, printed) == (0, "")
 
 
 PAD = """
@@ -132,12 +132,12 @@ def test_a_page_of_390_pixels_shows_the_robot_above_the_controls_and_a_gamepad_s
 
 @pytest.mark.slow
 def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> None:
-    """If this failed, --static would write a page that shows nothing without the program."""
+    """The static page plays without the program, and has its plots."""
     page = tmp_path / "page.html"
     with view(POLICY, "--command", "vx=0.5", "--static", page, "--seconds", "0.4") as process:
-        said, wrong = process.communicate(timeout=120)
+        printed, wrong = process.communicate(timeout=120)
     assert process.returncode == 0, wrong
-    assert said.startswith(f"page: {page}")
+    assert printed.startswith(f"page: {page}")
     tab = browser.tab(page.as_uri())
     wait(lambda: tab.run("document.querySelectorAll('canvas').length") and colours(tab) > 15, "a robot on the page")
     assert tab.run("[...document.querySelectorAll('#stiction-plots svg')].every((each) => each.clientHeight > 100)")
@@ -159,23 +159,23 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
 def test_what_cannot_be_shown_is_said_in_one_line(
     words: tuple[str, ...], status: int, line: str, capsys: pytest.CaptureFixture
 ) -> None:
-    """If this failed, a mistake would end in a traceback, or in a page that shows something else."""
+    """Names what cannot be shown in one line, without a traceback."""
     from stiction.cli.main import main
 
     try:
         done = main(["view", *words])
     except SystemExit as stop:
         done = int(stop.code or 0)
-    said = capsys.readouterr().err
-    assert done == status and line in said and "Traceback" not in said
+    printed = capsys.readouterr().err
+    assert done == status and line in printed and "Traceback" not in printed
     if status == 1:
-        assert said.count("\n") == 1
+        assert printed.count("\n") == 1
 
 
 def test_a_signal_ends_it_in_order() -> None:
-    """If this failed, a viewer would leave a traceback when it is stopped."""
+    """SIGTERM ends it with status 0 and without a word."""
     with view(POLICY) as process:
         assert process.stdout is not None and "http://127.0.0.1:" in process.stdout.readline()
         process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=30)
-    assert (process.returncode, said) == (0, "")
+        _, printed = process.communicate(timeout=30)
+    assert (process.returncode, printed) == (0, "")

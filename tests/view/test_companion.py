@@ -34,7 +34,7 @@ CFG = TrainCfg(
 
 
 def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp_path: Path) -> None:
-    """If this failed, `train --view` would show nothing, an old policy, or one that training does not have."""
+    """Stands without a checkpoint, then acts as the training's newest or chosen student or teacher."""
     directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
     with pytest.raises(StictionError, match="has no checkpoint yet; wait for it with --follow"):
         NewestPolicy(directory.path)
@@ -81,10 +81,10 @@ def child(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
 
 
 def test_a_viewer_that_fails_costs_one_line_and_no_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """If this failed, a training would end because somebody wanted to look at it."""
+    """Prints one line of a viewer that fails, and lets the training go on."""
     child(monkeypatch, "import sys; print('stiction view: no port is free', file=sys.stderr); sys.exit(1)")
-    said: list[str] = []
-    with watching(tmp_path, said.append) as process:
+    printed: list[str] = []
+    with watching(tmp_path, printed.append) as process:
         assert process.wait(60) == 1
         trained = True
-    assert trained and said == ["stiction view: no port is free"]
+    assert trained and printed == ["stiction view: no port is free"]

@@ -46,7 +46,7 @@ def bounds(sim: Simulation) -> np.ndarray:
 
 
 def test_friction_slows_the_policy_that_never_met_it_and_not_the_other() -> None:
-    """If this failed, the viewer would not show what it is for: friction through which one policy walks."""
+    """Friction of 40 % slows the policy that never met it, and not the one that did."""
     sim = simulation("none", "deception")
     sim.set_velocity((0.5, 0.0, 0.0))
     free = walked(sim, 3.0)
@@ -60,7 +60,7 @@ def test_friction_slows_the_policy_that_never_met_it_and_not_the_other() -> None
 
 
 def test_levels_are_shares_of_each_joints_limit_and_wear_multiplies_them() -> None:
-    """If this failed, a slider would say one friction and the robot have another."""
+    """Sets the level as a share of each joint's torque limit, times the wear."""
     sim = simulation()
     limit = sim.spec.joint_values("torque_limit")
     shank = np.array([joint.kind == "shank" for joint in sim.spec.joints])
@@ -72,7 +72,7 @@ def test_levels_are_shares_of_each_joints_limit_and_wear_multiplies_them() -> No
 
 @pytest.mark.parametrize("engine", ["mujoco", "physx", "ode"])
 def test_a_push_changes_the_velocity_of_the_whole_robot(engine: str) -> None:
-    """If this failed, a push would do nothing in one engine, or turn the joints."""
+    """Adds the velocity of a push to the body in every engine, and leaves the joints."""
     spec = robot_of(shown("none")[0].contract)
     try:
         made = make_engine(engine, Body.nominal(spec), flat(), 0.002)
@@ -89,7 +89,7 @@ def test_a_push_changes_the_velocity_of_the_whole_robot(engine: str) -> None:
 
 
 def test_a_robot_that_falls_lies_and_starts_again_alone() -> None:
-    """If this failed, a fall would end the show, or put the others back too."""
+    """Puts a robot that fell back to the start after its time, alone."""
     sim = simulation("direct", "deception")
     sim.set_velocity((0.5, 0.0, 0.0))
     walked(sim, 1.0)
@@ -98,15 +98,15 @@ def test_a_robot_that_falls_lies_and_starts_again_alone() -> None:
     first._walk.robot.place(standing, np.array([1.0, 0.0, 0.2]), upside_down)
     sim.step()
     assert first.lies and first.falls == 1 and not second.lies
-    there = second.seen.motion.base_position[0]
+    before = second.seen.motion.base_position[0]
     for _ in range(round(LYING / sim.period) + 2):
         sim.step()
     assert not first.lies and abs(first.seen.motion.base_position[0]) < 0.1
-    assert second.seen.motion.base_position[0] > there + 0.3 and second.falls == 0
+    assert second.seen.motion.base_position[0] > before + 0.3 and second.falls == 0
 
 
 def test_an_engine_that_there_is_not_leaves_the_world_as_it_was() -> None:
-    """If this failed, a wrong choice in one browser would end the simulation of all."""
+    """Refuses an unknown engine and stays in the old world."""
     sim = simulation()
     walkers = sim.walkers
     with pytest.raises(StictionError, match="unknown engine 'bullet'"):
@@ -117,7 +117,7 @@ def test_an_engine_that_there_is_not_leaves_the_world_as_it_was() -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "0.2", None, True])
 def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None:
-    """If this failed, a browser that sends garbage would put NaN into the physics of all."""
+    """Refuses what is no finite number, and changes nothing."""
     sim = simulation()
     for act in (
         lambda: sim.set_level("hip", value),
@@ -131,7 +131,7 @@ def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None
 
 
 def test_the_history_shows_speed_torque_and_both_frictions() -> None:
-    """If this failed, a plot would show another quantity than its title says."""
+    """Records the speed along the command, the torque of the named joint and the true friction."""
     sim = simulation("none", "deception")
     history = History(sim)
     sim.set_velocity((0.5, 0.0, 0.0))

@@ -31,7 +31,9 @@ from stiction.view.viewer import Viewer
 def viewer(tmp_path: Path) -> Iterator[Viewer]:
     """A viewer of two robots that nobody looks at."""
     bundles = [read_bundle(shipped_bundles()[f"saturn_lite-flat-{method}-0.2"]) for method in ("none", "deception")]
-    simulation = Simulation([ViewedPolicy.of_bundle(one) for one in bundles], robot_of(bundles[0].contract), WorldCfg())
+    simulation = Simulation(
+        [ViewedPolicy.of_bundle(bundle) for bundle in bundles], robot_of(bundles[0].contract), WorldCfg()
+    )
     with serve() as server:
         yield Viewer(server, simulation, tmp_path / "logs")
 
@@ -46,14 +48,14 @@ def settle(viewer: Viewer) -> None:
 def trigger(viewer: Viewer, label: str) -> None:
     """Do what a browser's key does."""
     commands = viewer.server.gui._command_handle_from_uuid.values()
-    (command,) = [one for one in commands if one.label == label]
+    (command,) = [each for each in commands if each.label == label]
     for act in command._impl.trigger_cb:
         act(None)
     settle(viewer)
 
 
 def test_sliders_reach_the_simulation_in_its_own_units(viewer: Viewer) -> None:
-    """If this failed, a slider in per cent would set a friction a hundred times too large, or none."""
+    """Sliders in per cent set fractions, and the slider of all joints moves every kind."""
     panel, simulation = viewer.panel, viewer.simulation
     panel.command[0].value = 0.4
     panel.levels["shank"].value = 15.0
@@ -138,8 +140,8 @@ def test_a_clip_holds_the_last_seconds_of_all_robots(viewer: Viewer, monkeypatch
     speed = np.diff(shot.states[:, :, 0], axis=0) / 0.08
     assert 0.3 < speed.mean() < 0.7
     assert stage(viewer.simulation.spec, shot).nbody == viewer.simulation.spec.num_joints + 2
-    said: list[str] = []
-    monkeypatch.setattr(viewer.panel, "say", lambda title, text: said.append(text))
+    printed: list[str] = []
+    monkeypatch.setattr(viewer.panel, "say", lambda title, text: printed.append(text))
 
     def fail(*_: object) -> bytes:
         raise ClipError("no clip: OpenGL is not available here")
@@ -148,10 +150,10 @@ def test_a_clip_holds_the_last_seconds_of_all_robots(viewer: Viewer, monkeypatch
     viewer.make_clip(1.0)
     viewer._drawing.join(60)
     settle(viewer)
-    assert said == ["drawing the last 1.0 s", "no clip: OpenGL is not available here"]
+    assert printed == ["drawing the last 1.0 s", "no clip: OpenGL is not available here"]
     viewer.restart()
     viewer._attempt(lambda: viewer.make_clip(1.0))
-    assert "let the robots walk" in said[-1]
+    assert "let the robots walk" in printed[-1]
 
 
 def test_a_checkpoint_is_chosen_and_one_that_fails_is_taken_back(viewer: Viewer, tmp_path: Path) -> None:
@@ -212,7 +214,7 @@ def test_the_static_page_has_plots_of_the_walk(tmp_path: Path) -> None:
 
 
 def test_pause_stops_time_and_not_the_panel(viewer: Viewer) -> None:
-    """If this failed, a paused viewer could never be told to go on."""
+    """A paused viewer takes no step, applies what the panel says, and goes on when told to."""
     trigger(viewer, "Pause")
     time = viewer.simulation.time
     viewer.panel.levels["hip"].value = 10.0
@@ -223,7 +225,7 @@ def test_pause_stops_time_and_not_the_panel(viewer: Viewer) -> None:
 
 
 def test_a_world_that_cannot_be_is_taken_back(viewer: Viewer) -> None:
-    """If this failed, the panel would show an engine in which nothing walks, or the viewer would end."""
+    """Shows the old engine and ground again after a choice that fails."""
     for choice, word in ((viewer.panel.engine, "bullet"), (viewer.panel.terrain, "stairs=9")):
         choice.value = word
         settle(viewer)
@@ -233,7 +235,7 @@ def test_a_world_that_cannot_be_is_taken_back(viewer: Viewer) -> None:
 
 @pytest.mark.parametrize("garbage", [float("nan"), float("inf"), -1e300])
 def test_garbage_from_a_browser_hurts_nobody(viewer: Viewer, garbage: float) -> None:
-    """If this failed, one browser could put NaN into the robots of all, or stop them."""
+    """Leaves the physics finite and friction in range whatever a browser sends."""
     panel = viewer.panel
     for slider in (*panel.command, *panel.levels.values(), panel.all, panel.wear, panel.strength):
         slider.value = garbage
@@ -247,7 +249,7 @@ def test_garbage_from_a_browser_hurts_nobody(viewer: Viewer, garbage: float) -> 
 
 
 def test_a_recording_is_a_canonical_log_of_the_chosen_robot(viewer: Viewer, tmp_path: Path) -> None:
-    """If this failed, `stiction identify` could not read what the viewer recorded."""
+    """Writes a log that `stiction identify` reads, with the chosen robot's signals and setup."""
     contract = viewer.simulation.walkers[0].policy.contract
     viewer.panel.command[0].value = 0.5
     settle(viewer)
@@ -272,7 +274,7 @@ def test_a_recording_is_a_canonical_log_of_the_chosen_robot(viewer: Viewer, tmp_
 
 
 def test_a_recording_that_cannot_be_had_ends_nothing(viewer: Viewer, tmp_path: Path) -> None:
-    """If this failed, a robot that lies, or a folder that cannot be written, would take the viewer from everybody."""
+    """Goes on when the robot lies, or the folder cannot be written."""
     viewer.simulation.walkers[0]._fall()
     trigger(viewer, "Record")
     assert viewer._recorder is None
@@ -291,7 +293,7 @@ def test_a_recording_that_cannot_be_had_ends_nothing(viewer: Viewer, tmp_path: P
 
 
 def test_it_listens_on_loopback_and_nowhere_else() -> None:
-    """If this failed, whoever is in the same network could look and steer without being let in."""
+    """Listens on loopback alone, and shares nothing through viser's tunnel."""
     with serve() as server:
         assert server.get_host() == LOOPBACK
         with socket.create_connection((LOOPBACK, server.get_port()), timeout=5):
@@ -302,7 +304,7 @@ def test_it_listens_on_loopback_and_nowhere_else() -> None:
 
 
 def test_a_port_that_is_taken_is_refused_and_a_free_one_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, a viewer would listen on another port than it was told to, without a word."""
+    """Refuses a port that is taken, and takes the next free one where none is named."""
     monkeypatch.setenv("_VISER_PORT_OVERRIDE", "1")
     with serve() as server, pytest.raises(StictionError, match=r"port \d+ on 127\.0\.0\.1 cannot be listened on"):
         with serve() as other:

@@ -12,7 +12,7 @@ from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 
 GRACE = 10.0
-"""How long it may take to end when it is asked to [s]."""
+"""Longest time that the viewer may take to end [s]."""
 
 
 @contextmanager

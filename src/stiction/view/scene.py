@@ -288,8 +288,9 @@ class Scene:
             nonlocal fitted
             distance = self._distance(camera.image_width / max(camera.image_height, 1))
             if abs(distance / fitted - 1.0) > RESHAPED:
-                # In the direction and at the zoom that the user chose.
-                camera.position = camera.look_at + (camera.position - camera.look_at) * distance / fitted
+                # In the direction that the user chose; the browser's position may be older than the one set here.
+                away = camera.position - camera.look_at
+                camera.position = camera.look_at + away * distance / max(float(np.linalg.norm(away)), 1e-6)
                 fitted = distance
 
         camera.on_update(refit)

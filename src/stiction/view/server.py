@@ -95,13 +95,13 @@ def resolve(host: str) -> str:
     """
     what = f"expected a name or an address of this machine, such as {LOOPBACK}, or 0.0.0.0 for all that it has"
     try:
-        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
     # Python's codec of names raises the other one: too long a name, or an empty part in it.
     except (socket.gaierror, UnicodeError) as error:
-        said = getattr(error, "strerror", None) or "it is no name"
-        raise ConfigurationError(f"host {host!r} cannot be found: {said}; {what}") from error
+        reason = getattr(error, "strerror", None) or "it is no name"
+        raise ConfigurationError(f"host {host!r} cannot be found: {reason}; {what}") from error
     # As most programs: `localhost` is 127.0.0.1 where it is ::1 too.
-    family, kind, _, _, place = min(found, key=lambda one: one[0] != socket.AF_INET)
+    family, kind, _, _, place = min(addresses, key=lambda address: address[0] != socket.AF_INET)
     with socket.socket(family, kind) as tried:
         try:
             tried.bind(place)
