@@ -252,7 +252,7 @@ def test_limits_can_be_changed_and_switched_off(contract: Contract) -> None:
     assert ReadingGuard(contract, {"leans at the start": math.inf}).check(0.0, leaning, WALK) is None
     with pytest.raises(ConfigurationError, match="did you mean 'leans at the start'"):
         ReadingGuard(contract, {"lean at the start": 1.0})
-    with pytest.raises(ConfigurationError, match="expected a number from 0 on"):
+    with pytest.raises(ConfigurationError, match="expected a number of 0 or more"):
         ReadingGuard(contract, {"joint range": math.nan})
 
 

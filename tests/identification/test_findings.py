@@ -152,7 +152,7 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
     )
     page = (out / "report.html").read_text()
     assert page.index("Do first: check") < page.index("what was found")
-    with pytest.raises(StictionError, match=r"no training\.json, .* shank: the logged torque is 2 times"):
+    with pytest.raises(StictionError, match=r"training\.json is missing, .* shank: the logged torque is 2 times"):
         read_training(out / "training.json")
 
 
