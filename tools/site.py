@@ -100,12 +100,14 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Draw formulas, and make text of links to folders and to files that are too large for the site."""
+    """Draw formulas; make text of badges, and of links to folders and to files that are too large for the site."""
     here = Path(page.file.abs_src_path).parent
     if page.file.src_uri in config.extra["unsearched"]:
         page.meta["search"] = {"exclude": True}
 
     def kept(link: re.Match[str]) -> str:
+        if link[1] and "://" in link[3]:
+            return link[2]
         target = here / link[3]
         away = target.is_dir() or (target.is_file() and target.stat().st_size > LARGEST)
         return link[2] if link[3] and "://" not in link[3] and away else link[0]
