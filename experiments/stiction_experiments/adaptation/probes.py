@@ -310,12 +310,12 @@ def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
     train_x, test_x = (features[:, part].reshape(-1, features.shape[2]).astype(float) for part in (~test, test))
     train, held = (robot[:, part].ravel() for part in (~test, test))
     fitted = fit_ridge(train_x, targets[train], train)
-    found = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
+    score = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
     return {
-        "mean": found.mean,
-        "interval95": list(found.mean_interval),
-        "each": found.each.tolist(),
-        "each_interval95": found.each_interval.T.tolist(),
+        "mean": score.mean,
+        "interval95": list(score.mean_interval),
+        "each": score.each.tolist(),
+        "each_interval95": score.each_interval.T.tolist(),
         "penalty": fitted.penalty,
         "features": features.shape[2],
         "rows": len(train),
@@ -332,14 +332,14 @@ def probe_walk(
     """
     targets = walk.friction if per == "joint" else walk.friction[:, :1]
     every = list(inputs(walk, moments))
-    found = []
+    results = []
     for number, (name, row, make) in enumerate(every):
-        found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
+        results.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
         progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
     first, _, _ = every[0]
     signal = getattr(walk, first)
     control = {"input": first, "row": "walk", "per": per, "shuffled": True}
-    found.append(control | probe(windows(signal, len(signal)), mixed))
+    results.append(control | probe(windows(signal, len(signal)), mixed))
     progress(1.0)
-    return found
+    return results

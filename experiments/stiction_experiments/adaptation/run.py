@@ -124,13 +124,13 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
     contract, actor = contract_of(train, header), load_actor(directory, "student")
     moments = Moments(contract.observation, contract.scale)
-    found = identified_values(header)
+    identified = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}
     pers: tuple[Per, ...] = ("joint", "robot")
     for per in pers:
         share = partial(_part_done, progress, f"{name}: friction per {per}")
-        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, partial(share, 0.0))
+        walks[per] = walk_with_friction(train, identified, actor, per, cfg.walk, threads, partial(share, 0.0))
         probes += probe_walk(walks[per], moments, per, partial(share, 0.5))
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
     model = out / f"{name}-wear.json"

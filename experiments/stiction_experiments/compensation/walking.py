@@ -58,7 +58,7 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
     cells: dict[tuple[str, float], dict[str, ResultRow]] = {}
     for row in rows:
         cells.setdefault((row.policy, row.friction_level), {})[row.command] = row
-    found = []
+    walks = []
     for (policy, level), by in cells.items():
         ahead = next((r for c, r in by.items() if c.startswith("vx=") and not c.startswith("vx=-")), None)
         back = next((r for c, r in by.items() if c.startswith("vx=-")), None)
@@ -68,5 +68,5 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
         falls = (ahead.fall_rate + back.fall_rate) / 2.0
         still = by["stand"].joint_jitter if "stand" in by else None
         speeds, law = (ahead.speed_ratio, back.speed_ratio), ahead.friction_law
-        found.append(Followed(policy, level, *speeds, ", ".join(paces), falls, still, law))
-    return found
+        walks.append(Followed(policy, level, *speeds, ", ".join(paces), falls, still, law))
+    return walks

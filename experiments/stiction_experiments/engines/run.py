@@ -101,8 +101,8 @@ def figure_rows(name: str, spec: Robot, timestep: float, progress: Callable[[flo
     for measured in conformance(partial(make_engine, name), spec, timestep):
         figure = measured.figure
         value = figure.value if math.isfinite(figure.value) else None
-        found = (figure.name, value, figure.unit, figure.tolerance, figure.passed)
-        rows.append(FigureRow(name, timestep, measured.check, *found))
+        cells = (figure.name, value, figure.unit, figure.tolerance, figure.passed)
+        rows.append(FigureRow(name, timestep, measured.check, *cells))
         progress(order.index(measured.check) / len(order))
     progress(1.0)
     return rows

@@ -74,8 +74,8 @@ class GivenLimb:
 
     def identified(self) -> list[tuple[str, float, JointRecord]]:
         """Return name, right friction and record of each joint. Raises `StictionError` where all of it is refused."""
-        found = identify_limb(self.log, self.mechanism, self.declared, self.setup).joints.joints
-        return [(name, right, found[name]) for name, right in self.friction.items() if name in found]
+        records = identify_limb(self.log, self.mechanism, self.declared, self.setup).joints.joints
+        return [(name, right, records[name]) for name, right in self.friction.items() if name in records]
 
     def flags(self, **flags: Any) -> GivenLimb:
         """Return the same with other flags."""
@@ -134,18 +134,18 @@ def measured(folder: Path) -> GivenLimb:
 
     log = open_log(record_file(folder, GO2), names=GO2_JOINTS)
     declared = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, motor_strength=1.0)
-    given = GivenLimb(log, find_mechanism(ROBOT), {}, declared)
-    records = identify_limb(log, given.mechanism, declared).joints.joints
+    entry = GivenLimb(log, find_mechanism(ROBOT), {}, declared)
+    records = identify_limb(log, entry.mechanism, declared).joints.joints
     friction = {name: one.coulomb_friction for name, one in records.items() if not one.objections}
-    return replace(given, friction={name: one.value for name, one in friction.items() if one is not None})
+    return replace(entry, friction={name: one.value for name, one in friction.items() if one is not None})
 
 
 def heavier(factor: float) -> Callable[[GivenLimb], GivenLimb]:
     """Return the mistake of a model whose links weigh so many times what they do."""
 
-    def mistaken(given: GivenLimb) -> GivenLimb:
-        links = tuple(link.scaled(factor) for link in given.mechanism.links)
-        return replace(given, mechanism=replace(given.mechanism, links=links))
+    def mistaken(entry: GivenLimb) -> GivenLimb:
+        links = tuple(link.scaled(factor) for link in entry.mechanism.links)
+        return replace(entry, mechanism=replace(entry.mechanism, links=links))
 
     return mistaken
 
@@ -154,30 +154,30 @@ def signals(
     name: str, factor: float, shift: float = 0.0, joints: tuple[int, ...] = (0, 1, 2)
 ) -> Callable[[GivenLimb], GivenLimb]:
     """Return the mistake of a signal in other units, of another sign, or from another zero."""
-    return lambda given: given.signals(lambda one: replace(one, **{name: factor * getattr(one, name) + shift}), joints)
+    return lambda entry: entry.signals(lambda one: replace(one, **{name: factor * getattr(one, name) + shift}), joints)
 
 
 torques, angles = partial(signals, "torque"), partial(signals, "position")
 """The same of torques [N m] and of angles [rad]."""
 
 
-def turned(given: GivenLimb) -> GivenLimb:
+def turned(entry: GivenLimb) -> GivenLimb:
     """Log the thigh, angle and torque, the other way round than the model has it."""
-    return torques(-1.0, joints=(1,))(angles(-1.0, joints=(1,))(given))
+    return torques(-1.0, joints=(1,))(angles(-1.0, joints=(1,))(entry))
 
 
-def swapped(given: GivenLimb) -> GivenLimb:
+def swapped(entry: GivenLimb) -> GivenLimb:
     """Take the hip for the thigh, and the thigh for the hip."""
-    hip, thigh, *others = given.log.joints
-    joints = {hip: given.log.joints[thigh], thigh: given.log.joints[hip]}
-    joints |= {name: given.log.joints[name] for name in others}
-    return replace(given, log=replace(given.log, joints=joints))
+    hip, thigh, *others = entry.log.joints
+    joints = {hip: entry.log.joints[thigh], thigh: entry.log.joints[hip]}
+    joints |= {name: entry.log.joints[name] for name in others}
+    return replace(entry, log=replace(entry.log, joints=joints))
 
 
-def other_torque(given: GivenLimb) -> GivenLimb:
+def other_torque(entry: GivenLimb) -> GivenLimb:
     """Log the calf's torque as the thigh's as well."""
-    calf = list(given.log.joints.values())[2].torque
-    return given.signals(lambda one: replace(one, torque=calf), (1,))
+    calf = list(entry.log.joints.values())[2].torque
+    return entry.signals(lambda one: replace(one, torque=calf), (1,))
 
 
 def limb_cases(folder: Path) -> list[Case]:
@@ -200,8 +200,8 @@ def limb_cases(folder: Path) -> list[Case]:
         *add("degrees", "limb", angles(DEGREES)),
         *add("two joints exchanged", "limb", swapped),
         *add("torque of another joint", "limb", other_torque),
-        *add("upside down", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 0.0, -1.0)))),
-        *add("on its side", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 1.0, 0.0)))),
+        *add("upside down", "limb", lambda entry: replace(entry, setup=LimbSetup(up=(0.0, 0.0, -1.0)))),
+        *add("on its side", "limb", lambda entry: replace(entry, setup=LimbSetup(up=(0.0, 1.0, 0.0)))),
         *add("half the rate", "limb", stamps(2.0)),
         *add("twice the rate", "limb", stamps(0.5)),
         *add("kt twice as large", "limb by voltage", flags(kt=2 * KT)),

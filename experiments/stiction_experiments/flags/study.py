@@ -83,12 +83,12 @@ class MistakeRow:
 
 def outcome(case: Case) -> MistakeRow:
     """Identify a record after a mistake."""
-    given = case.given()
+    record = case.load()
     try:
-        found = given.identified()
+        joints = record.identified()
     except StictionError as error:
-        return _outcome(case, "", given.level, None, "refused", str(error))
-    rows = [_joint_outcome(case, *one) for one in found]
+        return _outcome(case, "", record.level, None, "refused", str(error))
+    rows = [_joint_outcome(case, *one) for one in joints]
     return max(rows, key=lambda row: (row.confident, row.false_alarm, row.assumed, not row.caught))
 
 
@@ -99,17 +99,17 @@ def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> 
     reasons = ", ".join(dict.fromkeys(one.reason for one in record.objections))
     verdict = record.diagnostics["verdict"]
     stated = " ".join((verdict["lines"][0], *record.warnings[:1]))
-    said = record.objections[0].seen if record.objections else stated
-    return _outcome(case, name, right, friction, reasons, said, " ".join(verdict["assumes"]))
+    words = record.objections[0].seen if record.objections else stated
+    return _outcome(case, name, right, friction, reasons, words, " ".join(verdict["assumes"]))
 
 
 def _outcome(
-    case: Case, name: str, right: float, friction: Estimate | None, caught: str, said: str, assumes: str = ""
+    case: Case, name: str, right: float, friction: Estimate | None, caught: str, words: str, assumes: str = ""
 ) -> MistakeRow:
     """Return a row; friction: None where there is none."""
     value, (low, high) = (None, (None, None)) if friction is None else (friction.value, friction.interval95)
     record = f"{case.record}, {name}" if name else case.record
-    return MistakeRow(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
+    return MistakeRow(case.mistake, record, right, value, low, high, caught, assumes, case.flag, words, case.invisible)
 
 
 def lead(rows: Sequence[MistakeRow]) -> str:

@@ -69,7 +69,7 @@ def asked(time: float, phases: np.ndarray, pace: float) -> np.ndarray:
 
     phases: of the sway, shape (5,); pace: steps a second [Hz].
     """
-    found = np.empty((4, 3))
+    angles = np.empty((4, 3))
     for leg, (side, offset) in enumerate(((-1, 0.0), (1, 0.5), (-1, 0.5), (1, 0.0))):
         phase = (time * pace + offset) % 1.0
         lift = max(0.0, np.sin(2 * np.pi * phase))
@@ -78,8 +78,8 @@ def asked(time: float, phases: np.ndarray, pace: float) -> np.ndarray:
         z = -0.30 + 0.08 * lift
         calf = -2 * np.arccos(np.hypot(x, z) / (2 * LINK))
         sway = 0.06 * np.sin(1.3 * time + phases[4]) + side * 0.12 * lift
-        found[leg] = (side * 0.02 + sway, np.arctan2(-x, -z) - calf / 2, calf)
-    return found.ravel()
+        angles[leg] = (side * 0.02 + sway, np.arctan2(-x, -z) - calf / 2, calf)
+    return angles.ravel()
 
 
 def trot(friction: np.ndarray, seconds: float = 5.0, seed: int = 0) -> Walked:

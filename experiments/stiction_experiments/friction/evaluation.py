@@ -177,7 +177,7 @@ def evaluate_tasks(
 
     Raises `StictionError` where a process was killed; what is evaluated by then is kept.
     """
-    found: dict[str, list[ResultRow]] = {}
+    results: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
     done = [task for task in tasks if _is_done(task)]
     new = [task for task in tasks if task not in done]
@@ -187,9 +187,9 @@ def evaluate_tasks(
             if isinstance(rows, str):
                 failed[some[number].name] = rows
             else:
-                found[some[number].name] = rows
-            progress("evaluation", (len(found) + len(failed)) / len(tasks))
-    return [row for task in tasks for row in found.get(task.name, [])], failed
+                results[some[number].name] = rows
+            progress("evaluation", (len(results) + len(failed)) / len(tasks))
+    return [row for task in tasks for row in results.get(task.name, [])], failed
 
 
 def _is_done(task: Task) -> bool:
@@ -234,13 +234,13 @@ def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]
     A teacher walks from the speed ratio on from which a policy is not too slow. A run that never walks counts as its
     whole first phase, which is less than the truth. curves: run -> its learning curve.
     """
-    found: SeedValues = {}
+    iterations: SeedValues = {}
     never = 0
     for (name, seed), run in sorted((condition_of(run), run) for run in curves):
         first = [point for point in curves[run] if point.phase == "teacher"]
         if name == condition and first:
             walks = (p.iteration for p in first if min(p.forward_ratio, p.backward_ratio) >= FOLLOWS[0])
             begin = next(walks, None)
-            found[seed] = float(first[-1].iteration if begin is None else begin)
+            iterations[seed] = float(first[-1].iteration if begin is None else begin)
             never += begin is None
-    return found, never
+    return iterations, never

@@ -117,8 +117,8 @@ class Claim(Generic[Results]):
 
     def verdict(self, results: Results) -> Verdict:
         """Return what became of the sentence."""
-        found = self.judge(results)
-        return Verdict(self.id, self.sentence, self.criterion, found.outcome, found.evidence)
+        finding = self.judge(results)
+        return Verdict(self.id, self.sentence, self.criterion, finding.outcome, finding.evidence)
 
 
 def changed_verdicts(
@@ -217,32 +217,32 @@ def _judged(evidence: str, interval: Interval | None, robots: Mapping[int, float
     """
     if interval is None:
         return Finding("not tested", evidence)
-    found = Finding(side(interval, low, high), evidence)
+    finding = Finding(side(interval, low, high), evidence)
     if not robots:
-        return found
+        return finding
     over_robots = t_interval([*robots.values()])
     if over_robots is None:
         return Finding("not tested", f"{evidence}, one robot")
-    return confirmed(found, f"{len(robots)} robots", over_robots, low, high)
+    return confirmed(finding, f"{len(robots)} robots", over_robots, low, high)
 
 
 def rate_within(label: str, rate: Rate, low: float, high: float) -> Finding:
     """Judge that a rate lies within [low, high]: over the seeds, over all trials, and over virtual robots."""
-    found = within(label, Measurement(rate.seeds), low, high)
+    finding = within(label, Measurement(rate.seeds), low, high)
     if not rate.trials:
-        return found
-    found = confirmed(found, f"{rate.trials} trials", rate.interval, low, high)
+        return finding
+    finding = confirmed(finding, f"{rate.trials} trials", rate.interval, low, high)
     ends = rate.robots_interval
-    return found if ends is None else confirmed(found, f"{rate.robots} robots", ends, low, high)
+    return finding if ends is None else confirmed(finding, f"{rate.robots} robots", ends, low, high)
 
 
-def confirmed(found: Finding, sample: str, interval: Interval, low: float, high: float) -> Finding:
+def confirmed(finding: Finding, sample: str, interval: Interval, low: float, high: float) -> Finding:
     """Return a finding that another interval was held against: undecided where that one does not agree.
 
     sample: what the other interval is over, for the evidence.
     """
-    agree = found.outcome in ("not tested", side(interval, low, high))
-    return Finding(found.outcome if agree else "undecided", f"{found.evidence}, {sample} {_text(interval)}")
+    agree = finding.outcome in ("not tested", side(interval, low, high))
+    return Finding(finding.outcome if agree else "undecided", f"{finding.evidence}, {sample} {_text(interval)}")
 
 
 def _text(interval: Interval) -> str:

@@ -146,5 +146,5 @@ def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) 
         if row.terrain == "flat" and row.command in DIRECTIONS and row.speed_ratio is not None:
             cell = method_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
             cells.setdefault(cell, {}).setdefault(row.policy, {})[row.command] = row
-    found = (count(cell, policies.values()) for cell, policies in cells.items())
-    return [one for one in found if one is not None]
+    counts = (count(cell, policies.values()) for cell, policies in cells.items())
+    return [one for one in counts if one is not None]

@@ -202,8 +202,8 @@ class Work:
 
         if paths is not None and not paths:
             raise UsageError("no bundle given")
-        found = shipped_bundles().values() if paths is None else map(find_bundle, paths)
-        bundles = [check_for_simulation(path) for path in found]
+        bundle_paths = shipped_bundles().values() if paths is None else map(find_bundle, paths)
+        bundles = [check_for_simulation(path) for path in bundle_paths]
         print_warnings(self.verb, record_notes(bundles))
         check_names([bundle.name for bundle in bundles])
         return bundles
@@ -360,8 +360,8 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
 
 def filled(verdict: Verdict) -> str:
     """Return the outcome of a sentence with the friction that its x stands for."""
-    found = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
-    return f"{verdict.outcome[:-1]}{found[1]}" if found else verdict.outcome
+    match = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
+    return f"{verdict.outcome[:-1]}{match[1]}" if match else verdict.outcome
 
 
 PAGE = "report.html"
@@ -399,8 +399,8 @@ def namesakes(policies: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
     shipped = {name: path for name, path in shipped_bundles().items() if name in policies}
     others = [name for name, path in shipped.items() if policies[name]["digest"] != read_bundle(path).digest]
-    said = ", ".join(f"{name} ({origin(policies[name])})" for name in others)
-    return [f"Walked with earlier policies than the package has under these names now: {said}."] if others else []
+    names = ", ".join(f"{name} ({origin(policies[name])})" for name in others)
+    return [f"Walked with earlier policies than the package has under these names now: {names}."] if others else []
 
 
 WIDE = 140

@@ -92,8 +92,8 @@ class Head(nn.Module):
 
     def forward(self, history: torch.Tensor) -> torch.Tensor:
         """Map (N, history) to (N, size)."""
-        found: torch.Tensor = getattr(self.context(history), self.name)
-        return found
+        output: torch.Tensor = getattr(self.context(history), self.name)
+        return output
 
 
 class ContextActor(RMAActor):

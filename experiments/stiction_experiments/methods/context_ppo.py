@@ -147,11 +147,11 @@ class ContextPPO(AdaptationPPO):
         code, frame = cfg["actor"]["context"].code, obs["proprioception"].shape[-1]
         columns = {"estimate": VELOCITY, "guess": code, "noise": code, "bootstrapped": 1, "next": frame, "lasts": 1}
         empty = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
-        found = PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
-        assert isinstance(found, ContextPPO)
+        algorithm = PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
+        assert isinstance(algorithm, ContextPPO)
         env.return_terminal_obs = True
-        found.joints = env.spec.joint_names
-        return found
+        algorithm.joints = env.spec.joint_names
+        return algorithm
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Draw the code and sample actions on it; store both."""

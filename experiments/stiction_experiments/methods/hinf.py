@@ -123,8 +123,8 @@ class HinfCfg:
 
 
 def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
-    found = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
-    return found | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
+    algorithm = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
+    return algorithm | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
 
 
 def _check(cfg: TrainCfg) -> None:
@@ -156,8 +156,8 @@ def _notes(cfg: TrainCfg) -> Iterator[str]:
     half = not settings.by_torque and settings.share == settings.most
     if settings.disturbs and half and not settings.curriculum:
         # Two trainings each, see results/methods.
-        found = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
-        yield f"hinf pushes with half of the weight from the first iteration on: {found}"
+        measured = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
+        yield f"hinf pushes with half of the weight from the first iteration on: {measured}"
 
 
 def _contract(cfg: TrainCfg) -> dict[str, Any]:

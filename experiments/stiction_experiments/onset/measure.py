@@ -99,9 +99,9 @@ class OnsetRow:
 def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], threads: int = 1) -> list[ReachRow]:
     """Walk a policy under frictions and commands, in one batch."""
     cfg = EvaluationCfg(tuple(levels), commands, EPISODES, SECONDS)
-    found = evaluate_bundle(bundle, cfg, threads=threads)
+    evaluated = evaluate_bundle(bundle, cfg, threads=threads)
     rows = []
-    for row, walks in zip(found.rows, found.episodes, strict=True):
+    for row, walks in zip(evaluated.rows, evaluated.episodes, strict=True):
         command = np.array(parse_command(row.command).velocity)
         stood = [np.array(walk.mean_velocity) * (walk.fall_rate == 0.0) for walk in walks]
         asked = command != 0.0

@@ -118,7 +118,7 @@ def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
     decided by little. Empty where that is nowhere.
     """
     cells = {(row.physics, row.policy, row.level, row.direction): row for row in rows}
-    found = {}
+    biases = {}
     for physics in SETTINGS:
         mine = {key[1:]: row for key, row in cells.items() if key[0] == physics}
         apart: dict[str, float] = {}
@@ -131,5 +131,5 @@ def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
             label = "reference" if name == REFERENCE else name
             if distances:
                 apart |= {f"largest_from_{label}": max(distances), f"mean_from_{label}": float(np.mean(distances))}
-        found[physics] = apart
-    return found
+        biases[physics] = apart
+    return biases

@@ -457,11 +457,11 @@ def single_and_several(result: Replication) -> tuple[list[str], list[str]]:
 def warnings(result: Replication) -> list[str]:
     """Return what a reader must know before the numbers."""
     failed: Mapping[str, str] = result.summary.get("failed", {})
-    found = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
+    sentences = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
     single, several = single_and_several(result)
     if single and several:
-        found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
-    found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
+        sentences.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
+    sentences += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
     if missing := [method for method in ("none", BEHIND_GEAR, "deception") if method not in result.methods]:
-        found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
-    return found
+        sentences.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
+    return sentences

@@ -138,13 +138,13 @@ def _measure_ground(options: Bench) -> int:
     from stiction_experiments.throughput.measure import measure_grounds
 
     origin = Origin.now()
-    found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
+    measured = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
     if options.json:
-        print(json.dumps(found | origin.provenance))
+        print(json.dumps(measured | origin.provenance))
         return 0
-    for name, ratio in found["over_plane"].items():
-        low, high = found["spread"][name]
-        rate = found["control_steps_per_second"][name]
+    for name, ratio in measured["over_plane"].items():
+        low, high = measured["spread"][name]
+        rate = measured["control_steps_per_second"][name]
         print(f"{name:<28}{rate:>8.0f} control steps/s   {ratio:.2f} of the plane's ({low:.2f} to {high:.2f})")
     return 0
 

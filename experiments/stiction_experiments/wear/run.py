@@ -168,9 +168,9 @@ def untrained_notes(bundles: Sequence[Bundle], cfg: WearCfg) -> list[str]:
     """Return a sentence for each policy that is given commands beyond those that it was trained for."""
     commands = [parse_command(label) for label in cfg.labels]
     return [
-        f"{bundle.name}: {said}; its lifetime under that is of what nobody trained"
+        f"{bundle.name}: {note}; its lifetime under that is of what nobody trained"
         for bundle in bundles
-        if (said := untrained(commands, bundle.contract))
+        if (note := untrained(commands, bundle.contract))
     ]
 
 

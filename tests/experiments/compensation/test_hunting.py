@@ -59,6 +59,6 @@ def test_both_directions_decide_who_follows() -> None:
         row("a-s0", 0.2, "stand", None, joint_jitter=7.0),
         row("b-s0", 0.2, "vx=0.5", 0.9),
     ]
-    (found,) = followed(rows)
-    assert (found.policy, found.forward, found.backward, found.jitter) == ("a-s0", 0.9, 0.7, 7.0)
-    assert found.follows == "follows, too slow" and found.fall_rate == pytest.approx(0.25)
+    (walk,) = followed(rows)
+    assert (walk.policy, walk.forward, walk.backward, walk.jitter) == ("a-s0", 0.9, 0.7, 7.0)
+    assert walk.follows == "follows, too slow" and walk.fall_rate == pytest.approx(0.25)

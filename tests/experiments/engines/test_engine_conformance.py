@@ -95,8 +95,8 @@ def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPat
         return Figure("one", 1.0, "m", 2.0), Figure("two", 2.0, "m", 2.0)
 
     monkeypatch.setattr("stiction_experiments.engines.conformance.suite.CHECKS", {"first": check, "second": check})
-    found = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, ROBOT, 0.005)]
-    assert found == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
+    figures = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, ROBOT, 0.005)]
+    assert figures == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
     assert seen == [0.005, 0.005] and steps_per_second(MujocoEngine, ROBOT, seconds=0.02) > 0
 
 

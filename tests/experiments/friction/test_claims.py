@@ -39,9 +39,9 @@ def paper_is_right() -> TrainingEvidence:
         ),
         *condition_rows("load442-direct", {0.442: STANDS}, friction_law="load"),
     ]
-    for index, found in enumerate(rows):
-        if found.policy.startswith("coulomb20-none") and found.command == "vx=0.5":
-            rows[index] = row(found.policy, found.friction_level, "vx=0.5", found.speed_ratio, tracking_error=0.021)
+    for index, cell in enumerate(rows):
+        if cell.policy.startswith("coulomb20-none") and cell.command == "vx=0.5":
+            rows[index] = row(cell.policy, cell.friction_level, "vx=0.5", cell.speed_ratio, tracking_error=0.021)
     return TrainingEvidence.of_runs(rows, curves_of(none=100, deception=150, direct=300))
 
 
@@ -98,8 +98,8 @@ def test_one_seed_carries_no_verdict() -> None:
 def test_a_robot_that_walks_one_way_is_neither_stationary_nor_following() -> None:
     """V2 is about both directions, C1 about either: if this failed, half a gait would count for one or the other."""
     rows = condition_rows("coulomb20-direct", {0.2: WALKS}, backward=0.0)
-    found = outcomes(TrainingEvidence.of_runs(rows))
-    assert found["V2"] == "does not" and found["C1"] == "reproduces"
+    verdicts = outcomes(TrainingEvidence.of_runs(rows))
+    assert verdicts["V2"] == "does not" and verdicts["C1"] == "reproduces"
 
 
 def test_falls_count_against_deception() -> None:

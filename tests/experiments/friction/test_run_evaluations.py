@@ -104,8 +104,8 @@ def test_a_finished_run_walks_by_the_policy_that_was_exported_of_it(tmp_path: Pa
     for file in list((tmp_path / "toy-s0/checkpoints").iterdir()):
         (file.parent / f"teacher_000001{file.suffix}").write_bytes(file.read_bytes())
     for policy in (None, SHIPPED):
-        found = {task.who: task.exported for task in tasks_for([replace(at, policy=policy)], BASE)}
-        assert found == {"teacher": False, "student": policy is not None}
+        exported = {task.who: task.exported for task in tasks_for([replace(at, policy=policy)], BASE)}
+        assert exported == {"teacher": False, "student": policy is not None}
 
 
 def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
@@ -131,9 +131,9 @@ def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
     before = sorted((tmp_path / "runs").rglob("*"))
     (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.safetensors").write_text("teacher")
     (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.json").write_text("{}")
-    found = tasks_for([at], BASE, tmp_path / "cache")
-    assert [task.name for task in found] == ["toy-s0/teacher", "toy-s0/student"]
-    evaluate_tasks(found, 1)
+    tasks = tasks_for([at], BASE, tmp_path / "cache")
+    assert [task.name for task in tasks] == ["toy-s0/teacher", "toy-s0/student"]
+    evaluate_tasks(tasks, 1)
     assert len(list((tmp_path / "cache/toy-s0").glob("*.json"))) == 2
     assert len(sorted((tmp_path / "runs").rglob("*"))) == len(before) + 2
 
@@ -238,8 +238,8 @@ def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
 
 def test_a_policy_is_evaluated_under_its_own_law() -> None:
     """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
-    found = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
-    assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
+    cfg = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
+    assert cfg.friction_law == "load" and cfg.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
 
 
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:

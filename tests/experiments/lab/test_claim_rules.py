@@ -171,8 +171,8 @@ def test_nothing_walked_has_no_rate() -> None:
 )
 def test_over_levels(findings: list, outcome: str, start: str) -> None:
     """If this failed, `only above x` would name the wrong x, or a level at which nothing was shown."""
-    found = over_levels(findings)
-    assert found.outcome == outcome and found.evidence.startswith(start)
+    finding = over_levels(findings)
+    assert finding.outcome == outcome and finding.evidence.startswith(start)
 
 
 def test_each_virtual_robot_has_to_be_followed_on() -> None:

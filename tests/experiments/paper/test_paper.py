@@ -83,10 +83,10 @@ def test_a_sentence_on_learning_is_judged():
         for name, area in (("direct", 0.3), ("none", 0.2))
         for k in range(5)
     ]
-    found = {one.number: one for one in judge(Results(Walks(()), areas))}
-    assert found["26"].outcome == "undecided" or found["26"].outcome == "holds"
-    assert found["1"].outcome == "not walked" and found["13"].outcome == "not testable"
-    assert counts([*found.values()]).startswith(f"Of {len(found)} sentences ")
+    judged = {one.number: one for one in judge(Results(Walks(()), areas))}
+    assert judged["26"].outcome == "undecided" or judged["26"].outcome == "holds"
+    assert judged["1"].outcome == "not walked" and judged["13"].outcome == "not testable"
+    assert counts([*judged.values()]).startswith(f"Of {len(judged)} sentences ")
 
 
 def test_curves_are_means_over_ten_iterations():

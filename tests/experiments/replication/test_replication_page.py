@@ -158,8 +158,8 @@ def test_friction_alone_and_coefficients_are_no_user_s() -> None:
     """The cell by which causes are told apart is no robot, and a coefficient is not known of a joint."""
     rows = [cell("none", "physx+friction", 0.1, 3), cell("none", "physx+all", 0.1, 0, slow=3)]
     load = replace(rows[1], friction_law="load", engine="mujoco")
-    found = replace(RESULT, following=[*rows, load]).needs
-    assert found == (rows[1],)
+    needs = replace(RESULT, following=[*rows, load]).needs
+    assert needs == (rows[1],)
 
 
 def test_an_onset_is_in_the_units_of_its_law() -> None:
