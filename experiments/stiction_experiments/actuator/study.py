@@ -30,7 +30,7 @@ class ActuatorOptions(RedrawnOptions):
     """Options of `stiction study actuator`."""
 
     config: Annotated[LoopCfg, FLAT] = field(default_factory=LoopCfg)
-    """What is run."""
+    """Settings of the loop."""
     out: Path = Path("actuator-study")
     """Folder of the study."""
 

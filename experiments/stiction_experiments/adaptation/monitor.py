@@ -97,7 +97,7 @@ def fit_monitor(
 
 
 FIGURES = ("speed_ratio", "tracking_error")
-"""What is compared: columns of results.csv."""
+"""Compared columns of results.csv."""
 
 
 def latent_effects(

@@ -34,7 +34,7 @@ Rows = Sequence[dict[str, Any]]
 """Effects, or probes."""
 
 ROWS = {"step": "one step", "walk": "whole walk"}
-"""What a probe of the figure reads at once -> its words."""
+"""Input of a probe in the figure -> its words."""
 
 LOWEST = -0.2
 """Left end of the axis of R² [-]; values below are drawn there."""

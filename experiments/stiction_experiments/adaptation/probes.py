@@ -43,7 +43,7 @@ class WalkCfg:
     """Length [s]; commands are drawn anew as in training, every 5 s. Beside what is left out, two windows of the wear
     monitor and the frame before the first of them."""
     settle: float = SETTLE
-    """What is left out at its start [s]."""
+    """Start of the walk that is left out [s]."""
     highest: float = 0.24
     """Friction is drawn from 0 to this fraction of the torque limit, uniformly: 1.2 times 0.2, as `deception` draws."""
     seed: int = 0
@@ -52,7 +52,7 @@ class WalkCfg:
 
 @dataclass(frozen=True)
 class FrictionWalk:
-    """What N robots that did not fall did in T control steps after settling."""
+    """Signals of N robots that did not fall, over T control steps after settling."""
 
     frames: np.ndarray
     """o_prio, float32, shape (T, N, frame)."""
@@ -135,7 +135,7 @@ RESAMPLES = 2000
 """Resamples of the bootstrap: the end of a 95 % interval is then known to within one per cent of probability."""
 
 BOOTSTRAP_SEED = 20_260_101
-"""Of the resamples: the same walks give the same intervals."""
+"""Seed of the resamples: the same walks give the same intervals."""
 
 
 LIMIT = 3.0
@@ -156,7 +156,7 @@ class Ridge:
     guess: np.ndarray
     """Mean of each target, the prediction without any feature, shape (targets,)."""
     penalty: float
-    """What was chosen, one of `PENALTIES`."""
+    """Chosen penalty, one of `PENALTIES`."""
 
     def standard(self, features: np.ndarray) -> np.ndarray:
         """Return standardised features, cut off at `LIMIT`, shape (rows, features)."""

@@ -28,7 +28,7 @@ Progress = Callable[[str, float], None]
 """Called with the name of a piece of work and the share of it that is done."""
 
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
-"""Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
+"""Minimum of a probed walk: robots, eight of them to test on, and length, a window of the monitor [s]."""
 
 PROBING = (
     *(*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", CODE),
@@ -39,7 +39,7 @@ PROBING = (
 
 @dataclass(frozen=True)
 class AdaptationCfg:
-    """What the study does with every run."""
+    """Settings of the study, the same for every run."""
 
     evaluation: EvaluationCfg = field(
         default_factory=lambda: EvaluationCfg(friction_levels=(0.0, 0.1, 0.2, 0.3), episodes=16, seconds=10.0)

@@ -37,7 +37,7 @@ class IdentifiedFriction:
     """Name of the robot's folder: `saturn_lite--physx--all--0.1--1000`."""
     engine: str
     cell: str
-    """What of the robot is real."""
+    """Real effects of the robot."""
     level: str
     """Its dry friction, as people type it: `0.1`, `bench+0.02`."""
     seed: int
@@ -56,7 +56,7 @@ class IdentifiedFriction:
 
     @property
     def shown(self) -> float:
-        """What a perfect log shows, (f + load)/k [N m]: torque is logged in the unit of the motor's own reports."""
+        """Return the friction in a perfect log, (f + load)/k [N m], in the unit of the motor's own reports."""
         return (self.friction + self.load) / self.strength
 
     def holds(self, true: float) -> bool:

@@ -1,1 +1,1 @@
-"""Whether friction fed forward, as users of motors do it, makes a policy follow, and whether it hunts at standstill."""
+"""Friction fed forward, as users of motors do it: does a policy follow with it, and does it hunt at standstill?"""

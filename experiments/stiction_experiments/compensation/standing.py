@@ -36,7 +36,7 @@ class Standing:
     engine: str
     robot: int
     friction_level: str
-    """Of its joints, as `parse_level` reads it."""
+    """Friction of the joints, as `parse_level` reads it."""
     fed: str
     """How friction was fed forward, as `parse_compensation` reads it; none: not."""
     rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))

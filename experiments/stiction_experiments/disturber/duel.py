@@ -49,7 +49,7 @@ RANDOM: dict[str, DisturberName] = {"force": "random", "friction": "random-frict
 
 @dataclass(frozen=True)
 class DuelCfg:
-    """What a policy is put through; fields as of `DisturberOptions`."""
+    """Settings of a duel; fields as of `DisturberOptions`."""
 
     disturber: Literal["force", "friction"] = "force"
     limit: float | None = None
@@ -96,7 +96,7 @@ class DuelRow:
     policy: str = field(metadata=column("policy"))
     method: str = field(metadata=column("method"))
     seed: int = field(metadata=column("seed"))
-    """Of the disturber and of the robots."""
+    """Seed of the disturber and of the robots."""
     disturbed_by: Who = field(metadata=column("disturbed by"))
     """Nobody, draws, or the disturber that learned."""
     fall_rate: float = field(metadata=column("falls", "1/s", ".4f"))
@@ -154,7 +154,7 @@ class SteadyEnv(LocomotionEnv):
     """The task, in which a robot that begins anew changes nothing that is drawn for the others: noise above all."""
 
     _anew: torch.Generator | None = None
-    """Of what is drawn where a robot begins anew, once all have begun."""
+    """Generator for robots that begin anew, once all have begun."""
 
     def _reset(self, which: torch.Tensor) -> None:
         with self._own_draws():

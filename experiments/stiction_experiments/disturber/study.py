@@ -63,7 +63,7 @@ class DisturberOptions(Options):
 
 @dataclass(frozen=True)
 class Gain:
-    """What the disturbances cost a policy; a row of gains.csv."""
+    """Cost of the disturbances for a policy; a row of gains.csv."""
 
     policy: str = field(metadata={"label": "policy"})
     disturbed_by: str = field(metadata={"label": "disturbed by"})

@@ -102,10 +102,10 @@ FLOOR = 1e-9
 """Smallest error that is drawn [rad]: a logarithm has no zero."""
 
 STYLES = ("-", "--", "-.", ":")
-"""Of the engines' lines, which often lie on each other."""
+"""Line styles of the engines, whose lines often lie on each other."""
 
 SIMULATOR_COLORS = (INK, *COLORS, "#c9556a")
-"""Of the simulators: those of the page and two more."""
+"""Colours of the simulators: those of the page and two more."""
 
 
 def draw_motions(motions: Traces) -> Figure:

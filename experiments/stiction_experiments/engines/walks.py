@@ -98,7 +98,7 @@ NO_NOISE = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Simulator:
-    """What a policy walks in."""
+    """Simulator that a policy walks in."""
 
     name: str
     make: Make | None

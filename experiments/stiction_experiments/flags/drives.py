@@ -31,7 +31,7 @@ from stiction_experiments.flags.cases import (
 from stiction_experiments.flags.servo import HANGS, SERVO
 
 MASS, LENGTH = 0.5, 0.2
-"""Of the pendulum [kg, m]."""
+"""Mass and length of the pendulum [kg, m]."""
 
 GEAR = 5.0
 """Ratio that is forgotten, or taken twice."""

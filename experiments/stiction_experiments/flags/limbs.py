@@ -38,13 +38,13 @@ ROBOT = "go2"
 """The shipped robot whose front left leg moves."""
 
 FRICTION, VISCOUS, ROTOR, OFFSET = (0.4, 0.5, 1.0), (0.3, 0.3, 0.5), (0.01, 0.01, 0.02), (0.05, -0.05, 0.1)
-"""Of hip, thigh and calf [N m, N m s/rad, kg m², N m]."""
+"""Dry and viscous friction, rotor inertia and torque offset of hip, thigh and calf [N m, N m s/rad, kg m², N m]."""
 
 CENTRE, SWING = (0.0, 0.9, -1.7), (0.4, 0.6, 0.5)
 """Middle and largest swing of their motion [rad]."""
 
 FREQUENCIES = ((0.23, 0.61, 1.07), (0.31, 0.53, 0.97), (0.19, 0.71, 1.13))
-"""Of the three sines of each [Hz]."""
+"""Frequencies of the three sines of each joint [Hz]."""
 
 RATE, SECONDS = 250.0, 12.0
 """Samples per second, and length [Hz, s]."""
@@ -53,7 +53,7 @@ BY_LINKS = "to less than some 20 % links that are heavier than the model, by a t
 """Why a small error of the torques' scale cannot be seen."""
 
 KT, RESISTANCE = 1.0, 2.0
-"""Of motors that are driven by voltage, at the joint [N m/A, ohm]; they brake themselves by 0.5 N m s/rad."""
+"""Torque constant and resistance of motors driven by voltage, at the joint [N m/A, ohm]; they brake 0.5 N m s/rad."""
 
 
 @dataclass(frozen=True)

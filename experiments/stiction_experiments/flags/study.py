@@ -36,7 +36,7 @@ class FlagsOptions(Options):
 
 @dataclass(frozen=True)
 class MistakeRow:
-    """What identification said after a mistake; of several joints, of the one of which it said most that is wrong."""
+    """Answer of identification after a mistake; of several joints, the worst answer."""
 
     mistake: str = field(metadata=column("mistake"))
     record: str = field(metadata=column("record"))
@@ -59,24 +59,24 @@ class MistakeRow:
 
     @property
     def wrong(self) -> bool:
-        """Whether what came out is not the right friction."""
+        """Return whether the stated friction is not the right one."""
         if self.found is None or self.low is None or self.high is None:
             return False
         return abs(self.found - self.right) > TOLERANCE * self.right and not self.low <= self.right <= self.high
 
     @property
     def assumed(self) -> bool:
-        """Whether it is stated and wrong, under the very assumption that does not hold."""
+        """Return whether it is stated and wrong under the very assumption that does not hold."""
         return self.wrong and not self.caught and bool(self.flag) and self.flag in self.assumes.split()
 
     @property
     def confident(self) -> bool:
-        """Whether it is stated, wrong, not objected to, and not under an assumption that was named."""
+        """Return whether it is stated, wrong, not objected to, and not under a named assumption."""
         return self.wrong and not self.caught and not self.assumed
 
     @property
     def false_alarm(self) -> bool:
-        """Whether nothing was wrong, and there was an objection all the same, or a wrong friction."""
+        """Return whether no flag was wrong and an objection or a wrong friction came all the same."""
         none = self.right == 0 and self.caught == FRICTION_REACHES_ZERO
         return self.mistake == RIGHT and (self.wrong or (bool(self.caught) and not none))
 

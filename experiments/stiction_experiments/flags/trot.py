@@ -22,7 +22,7 @@ ROBOT = "go2"
 """The robot that trots."""
 
 TIMESTEP = 0.001
-"""Of the physics and the motor controllers [s]."""
+"""Time step of the physics and the motor controllers [s]."""
 
 KP, KD, DAMPING, ARMATURE = 60.0, 1.5, 0.05, 0.01
 """The trot's gains [N m/rad], [N m s/rad], viscous friction [N m s/rad] and rotors [kg m²]."""
@@ -39,7 +39,7 @@ LEAST_HEIGHT = 0.2
 
 @dataclass(frozen=True)
 class Walked:
-    """What a robot did at 1 kHz, T samples, without errors: what its sensors would read, and no more."""
+    """Ideal sensor readings of a walking robot at 1 kHz, T samples."""
 
     position: np.ndarray
     """[rad], shape (T, J)."""

@@ -41,7 +41,7 @@ COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
 """Coefficients of the law `load` in the evaluation [-]."""
 
 COMMANDS = {"student": (*DIRECTIONS, "wz=0.5", "stand"), "teacher": DIRECTIONS}
-"""What is commanded. The teacher is there for comparison: what no verdict needs of it is left out."""
+"""Commands of student and teacher. The teacher walks for comparison, with no more than a verdict needs."""
 
 BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
 """The evaluation of a run at the experiment's level; commands by policy."""
@@ -91,7 +91,7 @@ class Task:
     settings: EvaluationCfg
     cache: Path
     exported: bool
-    """Whether the run's exported policy walks, and not the network in its folder."""
+    """True if the run's exported policy walks, instead of the network in its folder."""
 
     @property
     def name(self) -> str:
@@ -100,7 +100,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """What its rows depend on, for the cache: weights, what walks on them, settings and code.
+        """Return the cache key of its rows: a digest of the policy, the settings and the code.
 
         Raises `StictionError` where the run has no such policy.
         """
@@ -109,7 +109,7 @@ class Task:
 
     @property
     def done(self) -> bool:
-        """Whether its rows are there. Raises as `key`."""
+        """Return whether its rows are in the cache. Raises as `key`."""
         return entry_file(self.cache, self.who, self.key, ".json").exists()
 
     def _policy(self) -> Any:

@@ -1,4 +1,4 @@
-"""What a training says of its code or its disturber in its last iterations: no evaluation can tell it afterwards."""
+"""Metrics of a training's code or disturber in its last iterations: no evaluation can tell them afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which runs of the experiment are there, whether they are what the manifest says, and what the others cost."""
+"""Existing runs of the experiment, their differences from the manifest, and the cost of the missing ones."""
 
 from __future__ import annotations
 

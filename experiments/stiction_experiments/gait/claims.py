@@ -23,7 +23,7 @@ SENTENCES = {
     "G3": "r_unsync ensures that the two contact groups are used equally over a period of time, preventing the robot "
     "from adopting a three-legged hopping gait.",
 }
-"""What the paper says, in its order."""
+"""Sentences of the paper, in its order."""
 
 
 def words(number: str) -> str:

@@ -1,4 +1,4 @@
-"""What a gait is, from the feet's contacts: pure functions of (T, N, L) arrays, and the criteria that name it.
+"""Gait from the feet's contacts: pure functions of (T, N, L) arrays, and the criteria that name it.
 
 The paper: in a *pronk* all feet touch the ground or lift off simultaneously; in its *trot* of a hexapod, a tripod, one
 contact group stands while the other is lifted; in *three-legged hopping* one contact group does all the work.
@@ -41,7 +41,7 @@ HOP = 0.5
 """A gait is a hop where one-sidedness is at least this: one group's feet are down three times as often [-]."""
 
 NO_GAIT = "none of these"
-"""What a walk is called that has no gait of a name."""
+"""Name of a walk without a named gait."""
 
 TRIPOD = 0.5
 """A gait is a tripod where exactly one group is on the ground in at least this share of moving steps [-]."""
@@ -180,7 +180,7 @@ def one_sidedness(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, w
 
 
 BOTH, NO_TROT, NO_UNSYNC, NEITHER = "both", "no-trot", "no-unsync", "neither"
-"""Which of the paper's gait rewards a policy was trained with."""
+"""Sets of the paper's gait rewards in training."""
 
 VARIANTS = {
     BOTH: "r_trot and r_unsync",
@@ -201,7 +201,7 @@ class GaitRow:
     seed: int
     command: str = field(metadata=column("command"))
     gait: str = field(metadata=column("gait"))
-    """What the criteria of `Gait.name` call it."""
+    """Name by the criteria of `Gait.name`."""
     speed_ratio: float | None = field(metadata=column("speed ratio", "1", form=".2f"))
     """Speed reached along the command over the commanded speed [-]."""
     fall_rate: float = field(metadata=column("falls", "%", form=".0%"))

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAMED = {NO_GAIT: "no clear gait"}
-"""What the lead calls a gait that has no name."""
+"""Words of the lead for a gait without a name."""
 
 SHOWN = 3.0
 """How much of a walk the diagram shows [s]."""
@@ -78,7 +78,7 @@ DEFINITIONS = (
         f"one-sidedness at least {HOP:g}; else tripod: tripod share at least {TRIPOD:.0%}; else none of these",
     ),
 )
-"""What the columns mean."""
+"""Meaning of the columns."""
 
 
 def report(

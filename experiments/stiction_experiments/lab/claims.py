@@ -33,7 +33,7 @@ LIMITS = (
     "holds there and at less, and does not at more. Next to that friction, on the other side, levels may be open: the "
     "evidence names them, and the levels that could not be judged."
 )
-"""What the outcomes with an x say: it is a friction."""
+"""Meaning of the outcomes with an x, a friction."""
 
 SAID = {
     "reproduces": ("holds", "hold"),
@@ -58,7 +58,7 @@ JUDGED = (
     f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict: `not tested`, with its "
     "number. Each sentence is judged by itself at 95 %: the number of sentences is not corrected for."
 )
-"""What a reader of the verdicts must know."""
+"""Note for readers of the verdicts."""
 
 ABOVE_ZERO = float(np.nextafter(0.0, 1.0))
 """Least difference that is one: two samples that are the same do not differ."""
@@ -78,12 +78,12 @@ FOLLOWING = (
     f"{BAND} both ways by every seed, on each virtual robot, and no fall, and falls shown to be in under "
     f"{in_words(STABLE)} of walks"
 )
-"""What `follows` asks, for criteria."""
+"""Definition of `follows` in criteria."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a rule found: the verdict, and the numbers behind it."""
+    """Verdict of a rule, and the numbers behind it."""
 
     outcome: Outcome
     evidence: str
@@ -91,18 +91,18 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one sentence; a row of claims.csv or verdicts.csv, and an entry of summary.json."""
+    """Verdict on one sentence; a row of claims.csv or verdicts.csv, and an entry of summary.json."""
 
     id: str
     sentence: str
     criterion: str
-    """What must hold for it to reproduce."""
+    """Condition for the sentence to reproduce."""
     outcome: Outcome
     evidence: str
 
 
 Results = TypeVar("Results")
-"""What a study judges: an `Evidence`, or rows of its own."""
+"""Type of a study's results: an `Evidence`, or rows of its own."""
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ class Cluster:
 
     @property
     def place(self) -> tuple[str, str]:
-        """What a task needs to know of this process: its code, and the folder that relative paths begin from."""
+        """Return what a task needs of this process: its code, and the base folder of relative paths."""
         return self.code, str(Path.cwd())
 
     def spread(

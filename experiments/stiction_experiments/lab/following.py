@@ -1,4 +1,4 @@
-"""Who follows, as tables and sentences over training methods: for a joint of some friction, and place by place."""
+"""Tables and sentences on the training methods that follow: for a joint of some friction, and place by place."""
 
 from __future__ import annotations
 

@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from stiction_experiments.lab.claims import Verdict
 
 Summary = Mapping[str, Any]
-"""What stands in summary.json."""
+"""Content of summary.json."""
 
 WRITTEN = ("summary.json", "report.html", "claims.csv", "tables.md")
-"""What studies write, each what it has of it."""
+"""Files of studies; each study writes those for which it has content."""
 
 INPUTS = ("policies", "bundles", "bundle", "robot")
 """Options of studies that name what is read, of which the content counts."""
@@ -121,7 +121,7 @@ class Stopped(Exception):
 
 
 class Work:
-    """What a study works with: its folder, policies, processes, results of before, and progress."""
+    """Context of a study: its folder, policies, processes, earlier results, and progress."""
 
     def __init__(
         self, options: Options, verb: str, command: str, code: str, stack: ExitStack, results: Sequence[str] = ()
@@ -220,7 +220,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Report:
-    """What a study found, and how its page shows it."""
+    """Results of a study and their page."""
 
     title: str = ""
     """Heading of the page; without one there is none."""
@@ -229,17 +229,17 @@ class Report:
     tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
     claims: Sequence[Verdict] = ()
-    """What became of each sentence: claims.csv, and a section of the page."""
+    """Verdicts on sentences: claims.csv, and a section of the page."""
     judged: str = ""
-    """What a reader of the claims must know."""
+    """Note for readers of the claims."""
     sections: Sequence[Section] = ()
     """The page without claims and provenance; by default its tables."""
     run: Sequence[Markup] = ()
-    """What was run, beside command, revision and machine."""
+    """Facts on the run, after command, revision and machine."""
     summary: Summary = field(default_factory=dict)
-    """What summary.json has beside `Work.provenance`, warnings and claims, or in their place."""
+    """Entries of summary.json in addition to `Work.provenance`, warnings and claims, or in their place."""
     warnings: Sequence[str] = ()
-    """What a reader must know first: printed, on the page, in summary.json."""
+    """Warnings for the reader: printed, on the page, in summary.json."""
     notes: Sequence[str] = ()
     """The same, on the page alone."""
     figures: Mapping[str, Figure | None] = field(default_factory=dict)
@@ -267,7 +267,7 @@ class Study(Generic[Chosen]):
 
     question: str
     description: str
-    """What `--help` says."""
+    """Text of `--help`."""
     options: type[Chosen]
     run: Callable[[Chosen, Work], Report | int]
     """Does it; returns an exit status where there is nothing to write."""

@@ -49,11 +49,11 @@ class EpisodeReturns:
         self.running = torch.zeros(num, device=device)
         """Reward of the present episode so far."""
         self.whole = torch.zeros(num, dtype=torch.bool, device=device)
-        """Whether that was seen from its beginning."""
+        """True where that episode was seen from its beginning."""
         self.last = torch.zeros(num, device=device)
         """Return of the last whole episode."""
         self.known = torch.zeros(num, dtype=torch.bool, device=device)
-        """Whether there has been one."""
+        """True where a whole episode has ended."""
 
     def push(self, reward: torch.Tensor, dones: torch.Tensor) -> None:
         """Take in one step: rewards and ends of episodes, (N,)."""

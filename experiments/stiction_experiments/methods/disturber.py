@@ -1,4 +1,4 @@
-"""Who disturbs: a network that learns to, by a PPO of its own, or draws that are kept for a while.
+"""Disturbers: a network that learns by a PPO of its own, or random draws that are kept for a while.
 
 Nothing here touches torch's global stream of random numbers: all draws come from a generator that the disturber owns,
 so that a training whose disturber may do nothing is the training without one, bit for bit.

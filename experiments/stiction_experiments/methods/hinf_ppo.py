@@ -70,7 +70,7 @@ class HinfPPO(AdaptationPPO):
         self.hinf, self.seed, self.iterations = hinf, seed, iterations
         self.multiplier, self.eta = 0.0, hinf.eta
         self.disturber_optimizer: torch.optim.Optimizer | None = None
-        """That of a disturber that learns."""
+        """Optimizer of a disturber that learns."""
         self._intensity = torch.zeros(())
         self._logged: list[tuple[float, float]] = []
 

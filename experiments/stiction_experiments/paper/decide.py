@@ -86,7 +86,7 @@ class Test:
 
 @dataclass(frozen=True)
 class Decision:
-    """What became of one test."""
+    """Outcome of one test."""
 
     test: Test
     outcome: Outcome

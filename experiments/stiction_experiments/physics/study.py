@@ -25,7 +25,7 @@ class PhysicsOptions(Options):
     policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Policy bundles: directories, or names of shipped ones."""
     config: Annotated[WalkCfg, FLAT] = field(default_factory=WalkCfg)
-    """What the policies are put through."""
+    """Settings of the walks."""
     out: Path = Path("stiction-physics")
     """Directory for physics.csv and summary.json."""
 

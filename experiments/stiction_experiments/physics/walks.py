@@ -1,4 +1,4 @@
-"""What the simulation of joint friction does to a walk: the same policies under several, against a fine reference.
+"""Effect of the simulation of joint friction on a walk: the same policies under several, against a fine reference.
 
 Episode e meets the same start and the same sensor noise in every physics, at every level and command: rows differ by
 physics alone.
@@ -57,7 +57,7 @@ class PhysicsRow:
     speed_ratio: float
     """Mean speed over the commanded one [-]."""
     standard_error: float
-    """Of that mean, over the walks [-]."""
+    """Standard error of that mean, over the walks [-]."""
     falls: int
     """Walks in which the robot fell or its simulation blew up."""
 

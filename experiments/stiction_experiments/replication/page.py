@@ -152,7 +152,7 @@ NOTE = (
     "share of walks: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs of policy and "
     "robot: all policies share the robots, so it is too narrow for other robots. Every seed's number is in methods.csv."
 )
-"""What a reader of these tables must know."""
+"""Note for readers of these tables."""
 
 
 def engine_sheets(samples: Sequence[Sample]) -> list[Sheet]:
@@ -222,7 +222,7 @@ VERDICT_NOTE = (
     "numbers, whose letters say where they are from: E, the paper's comparison; V, its section on training with "
     "friction; T, what it concludes from its motors; X, explanations for what it saw."
 )
-"""What a reader of the verdicts must know."""
+"""Note for readers of the verdicts."""
 
 
 UNITS = {"joint_jitter": "rad/s²", "tracking_error": "m/s", "steps_climbed": "steps"}
@@ -310,7 +310,7 @@ REMEDY = (
     "on flat ground, and of `none` and `deception` over stairs. It has no policy of an Actuator Net for stairs: the "
     "sentence on that is judged only where such policies are given."
 )
-"""What to do about a single seed."""
+"""Remedy for a single seed."""
 
 
 def report(result: Replication) -> study.Report:

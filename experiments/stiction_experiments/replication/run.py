@@ -62,7 +62,7 @@ TOLD = (
     "of that robot's own bench, as by `stiction evaluate --known-friction bench`; on the robot of the data sheet, that "
     "of the walk. What a bench does not tell is the nominal one of training, and stands among the warnings."
 )
-"""What policies were told that observe their joints' friction; for the page."""
+"""Friction told to policies that observe their joints' friction; for the page."""
 
 
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:

@@ -25,7 +25,7 @@ class StairsOptions(RedrawnOptions):
     bundles: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones."""
     config: Annotated[ClimbCfg, FLAT] = field(default_factory=ClimbCfg)
-    """What the policies are put through."""
+    """Settings of the climbs."""
     out: Path = Path("stiction-stairs")
     """Directory for stairs.csv, summary.json, stairs.png and report.html."""
 

@@ -187,7 +187,7 @@ CELL = 0.02
 """Cell of the height fields along x [m]: a riser leans by this much over its height."""
 
 GROUNDS = ("plane", "boxes", "height field, wide cells", "height field, square cells")
-"""What is measured; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
+"""Measured grounds; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
 
 
 def ground_model(spec: Robot, ground: str) -> mujoco.MjModel:
@@ -264,7 +264,7 @@ PHYSICS = {
     "plastic, Newton": PhysicsCfg("plastic", solver="newton"),
     "plastic": FAST,
 }
-"""What is compared, the physics of every evaluation first."""
+"""Compared physics, that of every evaluation first."""
 
 
 class Meter:

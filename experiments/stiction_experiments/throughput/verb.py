@@ -39,7 +39,7 @@ class Bench:
     """Options of `stiction bench`."""
 
     preset: PresetName = "quick"
-    """What is trained, as `stiction train` has it: one phase, or of two phases the teacher's."""
+    """Preset, as in `stiction train`: one phase, or the teacher's of two phases."""
     method: Literal["none", "direct", "deception"] = "deception"
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = field(default=0.2, metadata=needs("--method direct or deception"))
@@ -48,14 +48,14 @@ class Bench:
     robot: str = "saturn_lite"
     """The robot to measure with."""
     terrain: TerrainName = "flat"
-    """What the robots stand on: elevation map and courses cost the task time."""
+    """Terrain; elevation map and courses take more time than flat ground."""
     actuator: Path | None = None
     """A folder of `stiction train-actuator`: its net gives the torque in the task. With one of output-side torque, use
     --method none."""
     num_envs: int = 512
     """Robots side by side."""
     device: DeviceName = "cpu"
-    """What computes, as in `stiction train`."""
+    """Compute device, as in `stiction train`."""
     blocks: int = 8
     """Paired blocks; the figures are medians over them."""
     ground: bool = field(

@@ -36,7 +36,7 @@ End = Literal["alive", "too slow", "too fast", "fell", "too slow from the start"
 there was none: no window follows, and the first was so."""
 
 NEVER = " from the start"
-"""What ends the name of an end where no window follows."""
+"""Suffix of the name of an end that no window follows."""
 
 Notice = Literal["before", "after", "at once", "never"]
 """When a monitor noticed: before the lifetime ended, after that, at its first reading, when nothing had worn yet, or
@@ -55,7 +55,7 @@ def ratio_text(ratio: float) -> str:
 
 @dataclass(frozen=True)
 class Walk:
-    """Which walk a row is about."""
+    """Identity of the walk of a row."""
 
     policy: str = field(metadata=column("policy"))
     friction_level: str = field(metadata=column("level", "of τ_max"))
@@ -64,7 +64,7 @@ class Walk:
     steady: float | None
     """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
     command: str = field(default="", kw_only=True, metadata={**column("command"), "later": True})
-    """What was commanded: `vx=0.5`; of a robot all commands, after each other. Files of before do not say it."""
+    """Command: `vx=0.5`; of a robot all commands, after each other. Older files do not have it."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,12 @@ class Reading(Walk):
     high: float | None
     """Upper end [-]."""
     unusual: bool
-    """Whether the monitor found the walk unlike those that it was fitted on."""
+    """True if the walk is unlike those that the monitor was fitted on."""
 
 
 @dataclass(frozen=True)
 class Lifetime(Walk):
-    """What became of one robot; a row of lives.csv."""
+    """Lifetime of one robot; a row of lives.csv."""
 
     method: str
     engine: str
@@ -130,7 +130,7 @@ class Lifetime(Walk):
 
 
 SIGNALS = ("unusual", "grown")
-"""What a monitor can notice: fields of `Lifetime`."""
+"""Signals of a monitor: fields of `Lifetime`."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def first_grown(readings: Sequence[Reading]) -> Reading | None:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was seen of one walk."""
+    """Observations of one walk."""
 
     windows: Sequence[Window]
     readings: Sequence[Reading]
