@@ -1,1 +1,1 @@
-"""Friction fed forward, as users of motors do it: does a policy follow with it, and does it hunt at standstill?"""
+"""Friction fed forward, as users of motors do it: following with it, and hunting at standstill."""

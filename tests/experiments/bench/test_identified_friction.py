@@ -41,7 +41,7 @@ def test_a_score_counts_and_names_the_worst() -> None:
 
 
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
-    """What an interrupted study had done must mean the same afterwards: a level is text, an empty cell is None."""
+    """Rows keep their types: a level is text, an empty cell is None; other files and numbers are rejected."""
     rows = [row("a", 2.02), row("b", None, strength=0.97)]
     write_rows(tmp_path / "bench.csv", rows)
     assert read_rows(tmp_path / "bench.csv", IdentifiedFriction) == rows

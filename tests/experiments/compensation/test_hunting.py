@@ -1,4 +1,4 @@
-"""What counts as hunting, and who follows with friction fed forward."""
+"""Hunting at standstill, and following with friction fed forward."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_what_a_policy_feeds_forward_it_feeds_here_too(bundle: Bundle) -> None:
 
 
 def test_the_disturber_of_a_duel_learns(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If it did not, its gain would be that of a first guess, and every policy would look as if it withstood it.
+    """Learns beyond its first guess.
 
     Where a forward push costs and a backward one saves, and each step is all that it has, it pushes forward at last.
     """
@@ -205,7 +205,7 @@ def test_the_page_says_what_was_lost(tmp_path: Path) -> None:
 
 
 def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
-    """What was fought once is read: the command of before, stopped or not, and one seed more."""
+    """Reads finished duels: after the same command nothing is fought, after one more seed that seed alone."""
     fought: list[int] = []
 
     def fight(bundle: Bundle, cfg: DuelCfg, seed: int, *_: object) -> list[dict]:

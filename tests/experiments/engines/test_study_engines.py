@@ -34,7 +34,7 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.fixture
 def only_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of all engines MuJoCo alone can be had."""
+    """Make MuJoCo the only installed engine."""
     monkeypatch.setattr(
         "stiction_experiments.engines.run.missing_engine", lambda name, spec: None if name == "mujoco" else GONE
     )

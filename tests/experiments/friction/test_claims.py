@@ -74,7 +74,7 @@ def outcomes(evidence: TrainingEvidence) -> dict[str, str]:
 
 
 def test_results_as_the_paper_tells_them() -> None:
-    """If this failed, a sentence that holds would be called wrong."""
+    """Every sentence reproduces on results that the paper describes."""
     expected = {claim.id: "reproduces" for claim in CLAIMS}
     expected |= {NEVER: "not tested", "V2, as load": "only above x", "A1": "only above x"}
     assert outcomes(paper_is_right()) == expected
@@ -83,12 +83,12 @@ def test_results_as_the_paper_tells_them() -> None:
 
 
 def test_results_against_the_paper() -> None:
-    """If this failed, a criterion could not fail, and its verdict would say nothing."""
+    """Every sentence is refuted on results that contradict the paper."""
     assert outcomes(paper_is_wrong()) == {c.id: "not tested" if c.id == NEVER else "does not" for c in CLAIMS}
 
 
 def test_one_seed_carries_no_verdict() -> None:
-    """If this failed, a run of luck would decide about a sentence."""
+    """No sentence is decided by one seed."""
     right = paper_is_right()
     first = {cell: {0: seeds[0]} for cell, seeds in right.cells.items()}
     curves = {run: points for run, points in right.curves.items() if run.endswith("-s0")}
@@ -103,7 +103,7 @@ def test_a_robot_that_walks_one_way_is_neither_stationary_nor_following() -> Non
 
 
 def test_falls_count_against_deception() -> None:
-    """If this failed, a policy that runs and falls would be called a success."""
+    """A policy that follows but falls in half of its walks fails."""
     rows = condition_rows("coulomb20-deception", {0.0: WALKS, 0.2: WALKS}, fall_rate=0.5)
     assert outcomes(TrainingEvidence.of_runs(rows))["V9"] == "does not"
 
@@ -131,7 +131,7 @@ def test_no_fall_is_as_sure_as_there_are_walks() -> None:
 
 
 def test_weak_exploration_that_never_learns_says_nothing_of_friction() -> None:
-    """If this failed, a policy that explores too little to learn anything would count as filtered by friction."""
+    """Friction filters only exploration that learns without friction."""
     rows = [
         *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
         *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),

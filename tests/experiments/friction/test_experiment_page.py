@@ -96,7 +96,7 @@ def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
 
 
 def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
-    """If this failed, a number of the page could not be traced to a file."""
+    """Writes all tables and both figures, and reads back the same rows."""
     out = tmp_path / "out"
     out.mkdir()
     record = experiment(tmp_path, ("1", "5", "6"))
@@ -206,7 +206,7 @@ def test_a_policy_that_was_trained_anew_walks_anew(tmp_path: Path, monkeypatch: 
 
 
 def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
-    """If this failed, the experiment could not be looked at before its first run ends."""
+    """Writes a page before the first run ends."""
     out = tmp_path / "out"
     out.mkdir()
     empty = assemble.assemble([], [], BASE, MADE | {"failed": {"coulomb20-none-s0": "it diverged"}})

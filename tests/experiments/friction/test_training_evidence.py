@@ -18,7 +18,7 @@ def test_slower_faster_and_error_by_hand() -> None:
 
 
 def test_a_seed_without_every_level_is_no_sample() -> None:
-    """If this failed, a mean over levels would compare different levels."""
+    """Leaves out a seed that lacks a level."""
     evidence = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0, 1.0], 0.2: [1.0]}))
     assert list(evidence.mean_error("a").seeds) == [0]
 

@@ -1,4 +1,4 @@
-"""Who follows, on rows whose verdict is plain to see."""
+"""Seeds that follow, on rows whose verdict is plain to see."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def parameters(algorithm: AdaptationPPO) -> dict[str, torch.Tensor]:
 
 @dataclass(frozen=True)
 class Trained:
-    """What two iterations came to."""
+    """Result of two iterations."""
 
     alg: AdaptationPPO
     rows: list[dict]
@@ -227,7 +227,7 @@ def test_the_price_of_a_push_is_the_disturbers_alone(tmp_path: Path) -> None:
 
 
 def test_ppo_climbs_the_combined_advantage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the update sees is (A - λ A_C)/(1 + λ) of two normalised advantages: with λ = 0 that of plain PPO."""
+    """The update sees (A - λ A_C)/(1 + λ) of two normalised advantages: with λ = 0 that of plain PPO."""
     runner, seen = phase_runner(HINF, tmp_path), []
     finish = runner.alg.learning.finish
     monkeypatch.setattr(runner.alg.learning, "finish", lambda *args: (seen.append(finish(*args)), seen[-1])[1])
@@ -363,7 +363,7 @@ def test_a_phase_does_not_end_before_the_curriculum_has(tmp_path: Path) -> None:
 
 
 def test_without_a_reward_there_is_no_cost(tmp_path: Path) -> None:
-    """Who is paid for gait alone has nothing to lose by a push."""
+    """Rejects rewards of gait alone, of which a push can cost nothing."""
     rewards = RewardCfg(track_linear=0.0, track_angular=0.0)
     with pytest.raises(StictionError, match="nothing is paid for going as commanded"):
         phase_runner(replace(HINF, task=replace(HINF.task, rewards=rewards)), tmp_path)

@@ -52,7 +52,7 @@ def start(folder: Path, cfg: TrainCfg) -> RunDirectory:
 
 
 def equal(one: object, other: object) -> bool:
-    """Whether two trees of tensors and numbers are the same, bit for bit."""
+    """Return whether two trees of tensors and numbers are the same, bit for bit."""
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(equal(value, other[name]) for name, value in one.items())
     if isinstance(one, list | tuple):
@@ -210,7 +210,7 @@ def test_who_disturbs_keeps_the_task_on_the_host() -> None:
 
 
 def test_settings_of_older_runs_are_read(tmp_path: Path) -> None:
-    """Of a config.json from before methods were installed; each of them is bounded."""
+    """Reads a config.json from before methods were installed, and checks its values."""
     run = start(tmp_path / "run", CFG)
     file = run.path / "config.json"
     header = json.loads(file.read_text())

@@ -96,7 +96,7 @@ def test_axes_by_hand() -> None:
 
 
 def test_commands_of_half_the_range_count() -> None:
-    """Of the set of fifteen all but slow walking and standing; the combined ones have half of an axis."""
+    """Counts all of the set of fifteen but slow walking and standing; the combined ones have half of an axis."""
     bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
     assert len(fast := fast_commands(commands_for([bundle]))) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(fast)
     slow = replace(

@@ -98,7 +98,7 @@ def test_curves_are_means_over_ten_iterations():
 
 
 def test_steps_are_in_the_order_of_their_worth(tmp_path):
-    """What is trained already is walked first; a net comes before its training."""
+    """Existing policies walk first; a net comes before its training."""
     names = [step.name for step in steps(tmp_path)]
     assert names[0] == "walk mujoco none" and len(names) == len(set(names))
     assert names.index("net net-s10") < names.index("train net-s10") < names.index("export net-s10")

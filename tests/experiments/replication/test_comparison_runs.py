@@ -82,7 +82,7 @@ def test_two_policies_of_one_way_and_seed_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: dict, told: str) -> None:
-    """What differs between them would be taken for what differs between seeds; stairs are a group of their own."""
+    """Rejects seeds of different trainings; stairs are a group of their own."""
     plain = read_bundle(make_bundle(tmp_path / "plain", make_contract()))
 
     def like(name: str, **fields: object) -> Bundle:

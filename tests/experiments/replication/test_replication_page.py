@@ -235,7 +235,7 @@ def test_friction_fed_forward_stands_beside_what_it_replaces() -> None:
 
 
 def test_stairs_have_both_intervals() -> None:
-    """Of the seeds, and of the crossings."""
+    """Shows the interval over seeds and that over crossings."""
     crossed = sample("vx=0.4", "crossed", 0.9, terrain="stairs=0.08", trials=40, trials_low=0.77, trials_high=0.96)
     sheet = stairs_sheet(
         [crossed, replace(crossed, column="steps_climbed", mean=11.5, trials_low=None, low=11.0, high=12.0)]

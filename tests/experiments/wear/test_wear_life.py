@@ -122,7 +122,7 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
 
 
 def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
-    """What falls while it crawls had ended before; what falls before a window is over has fallen."""
+    """A fall after a window that is too slow does not count; a fall before the first window does."""
     assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
     assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("too slow", 4.0, 30.0)
     assert ending([], (3.0, 0.4)) == Ending("fell", 0.4, 3.0)
@@ -149,7 +149,7 @@ def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
 
 
 def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
-    """Of four robots one is unusual at once, one later, one after a fall; growth is detected in one: 3 and 1 of 4.
+    """Unusual are three of four robots, at once, later, and after a fall; growth is detected in one: 3 and 1 of 4.
 
     Wilson, z² = 3.8415, of 3 in 4: (0.75 + 0.48018 ± 1.96 √(0.046875 + 0.060023)) / 1.96036.
     """

@@ -112,7 +112,7 @@ def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> No
 
 
 def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
-    """What a bench found is another friction for every joint: there is no share of the torque limit to name."""
+    """Friction of a bench differs from joint to joint, and is no share of the torque limit."""
     sentence = lead([GROUP | {"friction_level": "bench"}], BOTH_WAYS)
     assert sentence == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
