@@ -47,8 +47,8 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
     to bottom; targets: `joint` and `robot` -> title of a panel.
     """
     probes = {method: [p for p in results["probes"] if not p["shuffled"]] for method, results in methods.items()}
-    there = {(probe["input"], probe["row"]) for results in probes.values() for probe in results}
-    shown = [(name, row) for name in inputs for row in ROWS if (name, row) in there]
+    probed = {(probe["input"], probe["row"]) for results in probes.values() for probe in results}
+    shown = [(name, row) for name in inputs for row in ROWS if (name, row) in probed]
     figure, axes = new_figure(1, len(targets), size=(4.6 * len(targets) + 1.6, 0.42 * len(shown) + 1.6))
     heights = {key: height for height, key in enumerate(shown)}
     for axis, (per, title) in zip(axes, targets.items(), strict=True):

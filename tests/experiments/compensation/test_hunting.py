@@ -33,7 +33,7 @@ def test_torque_at_rest_holds_the_robot_and_does_not_swing() -> None:
 
 
 def test_the_first_sentence_says_whether_it_is_enough() -> None:
-    """The title asks it: if this failed, a reader would have to count frictions and ways himself."""
+    """Answers the title in the first sentence."""
     rows = [
         Followed("p", 0.0, 1.0, 1.0, "follows", 0.0, None),
         Followed("p", 0.2, 0.5, 0.5, "too slow", 0.0, None),

@@ -108,10 +108,7 @@ def test_the_disturber_of_a_duel_learns(bundle: Bundle, monkeypatch: pytest.Monk
 
 
 def test_joints_are_those_of_the_bundle(bundle: Bundle) -> None:
-    """A bench found other inertia and viscous friction than the data sheet has, and training drew about those.
-
-    If this failed, the policy would walk on a robot that it was not trained for. Draws are within 0.8 to 1.2.
-    """
+    """The robots have the bundle's inertia and viscous friction, not the data sheet's, times draws from 0.8 to 1.2."""
     contract = bundle.contract
     identified = {name: tuple((3.0 * contract.array(name)).tolist()) for name in ("armature", "damping")}
     measured = replace(contract, joints_file={"name": "joints.json", "sha256": "0" * 64}, **identified)

@@ -96,7 +96,7 @@ def test_one_seed_carries_no_verdict() -> None:
 
 
 def test_a_robot_that_walks_one_way_is_neither_stationary_nor_following() -> None:
-    """V2 is about both directions, C1 about either: if this failed, half a gait would count for one or the other."""
+    """V2 is about both directions, C1 about either."""
     rows = condition_rows("coulomb20-direct", {0.2: WALKS}, backward=0.0)
     verdicts = outcomes(TrainingEvidence.of_runs(rows))
     assert verdicts["V2"] == "does not" and verdicts["C1"] == "reproduces"

@@ -138,7 +138,7 @@ def test_seeds_that_follow_with_a_walk_that_stalls_are_named(tmp_path: Path) -> 
 
 
 def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
-    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them."""
+    """`--add` twice, each by other code: rows keep the revision that walked them."""
     first = experiment(tmp_path / "first", seeds=2)
     out = tmp_path / "out"
     out.mkdir()
@@ -218,7 +218,7 @@ def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
 
 
 def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Path) -> None:
-    """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. If it failed, one run would look as certain as five."""
+    """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. One seed has no interval."""
     several = methods_sheet(experiment(tmp_path / "a"), ["coulomb20-none"], "student")
     assert several.header[1:] == ("0 %", "20 %") and several.rows[0] == (
         "none, forward",

@@ -75,9 +75,9 @@ def test_a_node_with_other_code_is_refused(nodes: Any, tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="has other code"):
         list(replace(used, code="0" * 64).spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
     (node,) = started.worker_nodes
-    there = {"NodeID": node.node_id, "NodeManagerAddress": "a node"}
+    later = {"NodeID": node.node_id, "NodeManagerAddress": "a node"}
     with pytest.raises(ClusterError, match=r"has other code of stiction; install the same"):
-        module._checked([there], "0" * 64, tmp_path)
+        module._checked([later], "0" * 64, tmp_path)
     assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
 
 

@@ -66,10 +66,7 @@ NAME = f"{__name__}:STUDY"
 
 
 def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Arguments, table, claims, summary, page and resume come from the framework.
-
-    If this failed, a new study would have to touch the package.
-    """
+    """Arguments, table, claims, summary, page and resume come from the framework."""
     MADE.clear()
     out = tmp_path / "out"
     arguments = ["study", NAME, "--levels", "0.5", "0.25", "--out", str(out)]

@@ -116,7 +116,7 @@ def test_ppo_never_reaches_the_estimator(runner: PhaseRunner, monkeypatch: pytes
 
 
 def test_the_ratio_is_one_before_the_first_step(runner: PhaseRunner) -> None:
-    """Stores the log probabilities of the drawn actions, to 1e-6: after updates, and with robots on the estimate, too."""
+    """Stores the log probabilities of the drawn actions, to 1e-6: after updates, and with robots on the estimate."""
     alg, storage = runner.alg, runner.alg.storage
     for _ in range(3):
         alg.probability, alg.bootstrapped = 0.5, (torch.arange(8) % 2.0)[:, None]

@@ -39,7 +39,7 @@ def test_a_policy_that_is_told_friction_is_told_what_the_bench_found(
 ) -> None:
     """2.5 N m on a bench is 10 % of the limit of hip and thigh; the nominal friction of its training is 20 %.
 
-    If this failed, it would be told of every virtual robot what its contract says, and the page would not say what.
+    Virtual robots tell their benches' friction, and the page says so.
     """
     kinds = {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
     contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=kinds)
