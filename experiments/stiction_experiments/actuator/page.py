@@ -26,10 +26,10 @@ NO_VERDICT = (
 Row = dict[str, Any]
 
 
-def report(found: dict[str, Any]) -> Report:
+def report(result: dict[str, Any]) -> Report:
     """Return the report of the study, from what summary.json has of it."""
-    rows, figure = found["rows"], draw(found["rows"])
-    header, means = mean_table(rows, [robot["name"] for robot in found["robots"][1:]])
+    rows, figure = result["rows"], draw(result["rows"])
+    header, means = mean_table(rows, [robot["name"] for robot in result["robots"][1:]])
     lines = [f"{name}: {', '.join(map(' '.join, zip(header[1:], line, strict=True)))}" for name, *line in means]
     return Report(
         title="What does an Actuator Net learn from a walk?",
@@ -38,11 +38,11 @@ def report(found: dict[str, Any]) -> Report:
         sections=(
             Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
             Section("Speed reached", (figure_block(figure, CAPTION), fold(EVERY, [speed_table(rows)]))),
-            Section("The Actuator Nets", (net_table(found["nets"]), cross_table(found["cross"]))),
-            Section("The virtual robots", (paragraph(ROBOTS), robot_table(found["robots"]))),
+            Section("The Actuator Nets", (net_table(result["nets"]), cross_table(result["cross"]))),
+            Section("The virtual robots", (paragraph(ROBOTS), robot_table(result["robots"]))),
         ),
-        run=run_blocks(found),
-        summary=found,
+        run=run_blocks(result),
+        summary=result,
         figures={"speed": figure},
         answer=lines,
     )
@@ -51,16 +51,16 @@ def report(found: dict[str, Any]) -> Report:
 def lead(means: Sequence[Sequence[str]]) -> list[str]:
     """Return what the first policy reaches, and what those trained through a net do. means: lines of `mean_table`."""
     (first, own, _, drawn, _, free, _), *others = means
-    said = [
+    sentences = [
         f"A policy that was trained without joint friction ({first}) reaches {own} of the commanded speed on the robot "
         f"that was logged, {drawn} on other robots with friction, and {free} on one without."
     ]
-    said += [
+    sentences += [
         f"Trained through an Actuator Net of {VARIANTS.get(name.partition('-')[2], 'its walks')} ({name}), it reaches "
         f"{own}, {drawn} and {free}."
         for name, own, _, drawn, _, free, _ in others
     ]
-    return said
+    return sentences
 
 
 def _named_by_robot(row: Row) -> ResultRow:
@@ -156,15 +156,15 @@ def robot_table(robots: Sequence[dict[str, Any]]) -> Any:
     )
 
 
-def run_blocks(found: dict[str, Any]) -> tuple[Any, ...]:
+def run_blocks(result: dict[str, Any]) -> tuple[Any, ...]:
     """Return what was measured, and the policies with the nets that they were trained with."""
     rows = []
-    for name, policy in found["policies"].items():
+    for name, policy in result["policies"].items():
         net = policy["actuator"]
         used = f"{net['name']}, {net['sha256'][:16]}" if net else "none"
         rows.append((name, str(policy["seed"]), policy["revision"], policy["digest"][:16], used))
     return (
-        paragraph(f"Torque was measured on the {found['options']['torque'].replace('_', ' ')}."),
+        paragraph(f"Torque was measured on the {result['options']['torque'].replace('_', ' ')}."),
         table(["policy", "seed", "revision", "digest", "Actuator Net"], rows),
     )
 

@@ -185,12 +185,12 @@ class ActuatorLoop:
             rows = []
             for index, robot in enumerate(self.robots):
                 levels = (0.0, robot.level) if index == 0 else (robot.level,)
-                found = evaluate_bundle(
+                evaluated = evaluate_bundle(
                     replace(bundle, name=name, contract=robot.joints(bundle.contract)),
                     EvaluationCfg(levels, self.cfg.commands, self.cfg.episodes, self.cfg.seconds),
                     threads=num_threads(),
                 )
-                rows += [{"robot": robot.name} | asdict(row) for row in found.rows]
+                rows += [{"robot": robot.name} | asdict(row) for row in evaluated.rows]
                 self.progress(f"evaluate {name}", (index + 1) / len(self.robots))
             done = {"key": key, "rows": rows}
             write_json(file, sealed(done))

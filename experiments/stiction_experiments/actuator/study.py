@@ -30,7 +30,7 @@ class ActuatorOptions(RedrawnOptions):
     """Options of `stiction study actuator`."""
 
     config: Annotated[LoopCfg, FLAT] = field(default_factory=LoopCfg)
-    """What is run."""
+    """Settings of the loop."""
     out: Path = Path("actuator-study")
     """Folder of the study."""
 
@@ -46,13 +46,13 @@ def run(options: ActuatorOptions, work: Work) -> Report:
     # What it refuses is refused before the folder is made; nothing is written before the folder is its own.
     loop = ActuatorLoop(options.out, options.config, work.command, work.progress)
     work.begin()
-    found = loop.run()
+    result = loop.run()
 
     def write_nets(out: Path) -> None:
-        for name in found["nets"]:
+        for name in result["nets"]:
             write_actuator_page(out / "nets" / name)
 
-    return replace(report(found), files=write_nets)
+    return replace(report(result), files=write_nets)
 
 
 STUDY = Study(

@@ -1,1 +1,1 @@
-"""What a student's latent z* does, and whether friction can be read from it."""
+"""Effect of a student's latent z* on the walk, and regression of friction on z*."""

@@ -75,8 +75,8 @@ def fit_monitor(
     values, low = np.zeros(y.shape[1]), np.zeros(y.shape[1])
     for per, columns in (("joint", slice(None, -1)), ("robot", slice(-1, None))):
         seen = test & (how == per)
-        found = determination(y[seen, columns], ridge.predict(x[seen])[:, columns], number[seen], ridge.guess[columns])
-        values[columns], low[columns] = found.each, found.each_interval[0]
+        score = determination(y[seen, columns], ridge.predict(x[seen])[:, columns], number[seen], ridge.guess[columns])
+        values[columns], low[columns] = score.each, score.each_interval[0]
     return WearModel(
         joint_names=joint_names,
         window=window,
@@ -97,7 +97,7 @@ def fit_monitor(
 
 
 FIGURES = ("speed_ratio", "tracking_error")
-"""What is compared: columns of results.csv."""
+"""Compared columns of results.csv."""
 
 
 def latent_effects(

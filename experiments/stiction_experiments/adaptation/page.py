@@ -34,7 +34,7 @@ Rows = Sequence[dict[str, Any]]
 """Effects, or probes."""
 
 ROWS = {"step": "one step", "walk": "whole walk"}
-"""What a probe of the figure reads at once -> its words."""
+"""Input of a probe in the figure -> its words."""
 
 LOWEST = -0.2
 """Left end of the axis of R² [-]; values below are drawn there."""
@@ -46,15 +46,15 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
     methods: training -> `probes`, as in the summary, of a step and of whole walks. inputs: input -> its label, from top
     to bottom; targets: `joint` and `robot` -> title of a panel.
     """
-    probes = {method: [p for p in found["probes"] if not p["shuffled"]] for method, found in methods.items()}
-    there = {(probe["input"], probe["row"]) for found in probes.values() for probe in found}
-    shown = [(name, row) for name in inputs for row in ROWS if (name, row) in there]
+    probes = {method: [p for p in results["probes"] if not p["shuffled"]] for method, results in methods.items()}
+    probed = {(probe["input"], probe["row"]) for results in probes.values() for probe in results}
+    shown = [(name, row) for name in inputs for row in ROWS if (name, row) in probed]
     figure, axes = new_figure(1, len(targets), size=(4.6 * len(targets) + 1.6, 0.42 * len(shown) + 1.6))
     heights = {key: height for height, key in enumerate(shown)}
     for axis, (per, title) in zip(axes, targets.items(), strict=True):
-        for index, (method, found) in enumerate(probes.items()):
+        for index, (method, results) in enumerate(probes.items()):
             shift = 0.12 * (index - (len(methods) - 1) / 2)
-            for probe in (p for p in found if p["per"] == per and (p["input"], p["row"]) in heights):
+            for probe in (p for p in results if p["per"] == per and (p["input"], p["row"]) in heights):
                 height, mark = heights[probe["input"], probe["row"]], mark_look(method, list(methods))
                 color = COLORS[index % len(COLORS)]
                 at, label = height + shift, None if height else method
@@ -77,10 +77,10 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     methods: training -> `effects`, as in the summary; latents: where z* comes from -> its label.
     """
     figure, axes = new_figure(1, max(1, len(methods)), size=(3.8 * max(1, len(methods)), 3.2))
-    for axis, (method, found) in zip(axes, methods.items(), strict=False):
+    for axis, (method, result) in zip(axes, methods.items(), strict=False):
         for latent, words in latents.items():
             look = line_look(latent, list(latents))
-            points = [one for one in found["effects"] if (one["latent"], one["figure"]) == (latent, "speed_ratio")]
+            points = [one for one in result["effects"] if (one["latent"], one["figure"]) == (latent, "speed_ratio")]
             points.sort(key=lambda point: point["level"])
             levels = [100 * point["level"] for point in points]
             for seed in range(len(points[0]["each"]) if points else 0):
@@ -161,12 +161,12 @@ def answers(summary: dict[str, Any]) -> list[str]:
             for probe in (one["probes"] if len(runs) > 1 else runs[0]["probes"])
             if probe["row"] == "walk" and not probe["shuffled"]
         }
-        found = [
+        scores = [
             f"{INPUT[name]} {whole[name, per]} per {per}" for name in (known_by(whole), "moments") for per in TARGET
         ]
         monitored = ", ".join(f"{sum(estimated(run['wear']))} of {len(estimated(run['wear']))}" for run in runs)
         name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
-        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {monitored}.")
+        lines.append(f"{name}: R² of the friction from {'; '.join(scores)}; monitored targets: {monitored}.")
     return lines
 
 
@@ -186,9 +186,9 @@ def effect_text(summary: dict[str, Any]) -> str:
             method: max((abs(e["difference"]) for e in one["effects"] if _is_speed(e, latent)), default=None)
             for method, one in summary["methods"].items()
         }
-        said = [f"{100 * size:.0f} % ({method})" for method, size in sizes.items() if size is not None]
-        if said:
-            parts.append(f"by up to {', '.join(said)} when {GIVEN[latent]}")
+        changes = [f"{100 * size:.0f} % ({method})" for method, size in sizes.items() if size is not None]
+        if changes:
+            parts.append(f"by up to {', '.join(changes)} when {GIVEN[latent]}")
     return f"A policy's speed changes, of the command, {'; '.join(parts)}." if parts else ""
 
 
@@ -223,24 +223,24 @@ def lead(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def report(found: dict[str, Any]) -> Report:
+def report(result: dict[str, Any]) -> Report:
     """Return the report of the study, from what summary.json has of it."""
-    swapped = {method: one for method, one in found["methods"].items() if one["effects"]}
+    swapped = {method: one for method, one in result["methods"].items() if one["effects"]}
     effects = draw_effects(swapped, LATENT) if swapped else None
-    probes = draw_probes(found["methods"], INPUT, TARGET)
-    lines = answers(found)
+    probes = draw_probes(result["methods"], INPUT, TARGET)
+    lines = answers(result)
     return Report(
         title="What does adaptation do?",
-        lead="\n".join(lead(found)),
+        lead="\n".join(lead(result)),
         tables={
             "results": [
                 from_plain(ResultRow, row, name)
-                for name, run in found["runs"].items()
+                for name, run in result["runs"].items()
                 for row in run["latents"]["rows"]
             ]
         },
-        sections=sections(found, effects, probes),
-        summary=found,
+        sections=sections(result, effects, probes),
+        summary=result,
         figures=({} if effects is None else {"latents": effects}) | {"probes": probes},
         answer=lines,
     )
@@ -276,15 +276,15 @@ def over_runs(
 
     methods: training -> its `runs`, and under `key` what they have together; runs: run -> the same of its own.
     """
-    found: list[Markup] = []
+    blocks: list[Markup] = []
     for method, one in methods.items():
         own = [tabulate(name, runs[name]) for name in one["runs"]]
         if len(own) > 1:
             pooled = tabulate(f"{method}, over {len(own)} seeds", one[key])
-            found += [pooled, fold(f"{method}: every run", own)]
+            blocks += [pooled, fold(f"{method}: every run", own)]
         else:
-            found += own
-    return found
+            blocks += own
+    return blocks
 
 
 def effects_table(name: str, effects: Rows) -> Markup:
@@ -334,8 +334,8 @@ def estimated(wear: dict[str, Any]) -> list[bool]:
 def wear_table(name: str, wear: dict[str, Any]) -> Markup:
     """Return which joints' friction the monitor estimates, and how well."""
     rows = [
-        [target, "yes" if given else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
-        for target, given, r2, reach, cover in zip(
+        [target, "yes" if estimate else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
+        for target, estimate, r2, reach, cover in zip(
             wear["targets"], estimated(wear), wear["determination"], wear["reach"], wear["coverage"], strict=True
         )
     ]

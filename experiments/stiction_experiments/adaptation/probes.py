@@ -43,7 +43,7 @@ class WalkCfg:
     """Length [s]; commands are drawn anew as in training, every 5 s. Beside what is left out, two windows of the wear
     monitor and the frame before the first of them."""
     settle: float = SETTLE
-    """What is left out at its start [s]."""
+    """Start of the walk that is left out [s]."""
     highest: float = 0.24
     """Friction is drawn from 0 to this fraction of the torque limit, uniformly: 1.2 times 0.2, as `deception` draws."""
     seed: int = 0
@@ -52,7 +52,7 @@ class WalkCfg:
 
 @dataclass(frozen=True)
 class FrictionWalk:
-    """What N robots that did not fall did in T control steps after settling."""
+    """Signals of N robots that did not fall, over T control steps after settling."""
 
     frames: np.ndarray
     """o_prio, float32, shape (T, N, frame)."""
@@ -135,7 +135,7 @@ RESAMPLES = 2000
 """Resamples of the bootstrap: the end of a 95 % interval is then known to within one per cent of probability."""
 
 BOOTSTRAP_SEED = 20_260_101
-"""Of the resamples: the same walks give the same intervals."""
+"""Seed of the resamples: the same walks give the same intervals."""
 
 
 LIMIT = 3.0
@@ -156,7 +156,7 @@ class Ridge:
     guess: np.ndarray
     """Mean of each target, the prediction without any feature, shape (targets,)."""
     penalty: float
-    """What was chosen, one of `PENALTIES`."""
+    """Chosen penalty, one of `PENALTIES`."""
 
     def standard(self, features: np.ndarray) -> np.ndarray:
         """Return standardised features, cut off at `LIMIT`, shape (rows, features)."""
@@ -310,12 +310,12 @@ def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
     train_x, test_x = (features[:, part].reshape(-1, features.shape[2]).astype(float) for part in (~test, test))
     train, held = (robot[:, part].ravel() for part in (~test, test))
     fitted = fit_ridge(train_x, targets[train], train)
-    found = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
+    score = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
     return {
-        "mean": found.mean,
-        "interval95": list(found.mean_interval),
-        "each": found.each.tolist(),
-        "each_interval95": found.each_interval.T.tolist(),
+        "mean": score.mean,
+        "interval95": list(score.mean_interval),
+        "each": score.each.tolist(),
+        "each_interval95": score.each_interval.T.tolist(),
         "penalty": fitted.penalty,
         "features": features.shape[2],
         "rows": len(train),
@@ -332,14 +332,14 @@ def probe_walk(
     """
     targets = walk.friction if per == "joint" else walk.friction[:, :1]
     every = list(inputs(walk, moments))
-    found = []
+    results = []
     for number, (name, row, make) in enumerate(every):
-        found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
+        results.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
         progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
     first, _, _ = every[0]
     signal = getattr(walk, first)
     control = {"input": first, "row": "walk", "per": per, "shuffled": True}
-    found.append(control | probe(windows(signal, len(signal)), mixed))
+    results.append(control | probe(windows(signal, len(signal)), mixed))
     progress(1.0)
-    return found
+    return results

@@ -28,7 +28,7 @@ Progress = Callable[[str, float], None]
 """Called with the name of a piece of work and the share of it that is done."""
 
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
-"""Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
+"""Minimum of a probed walk: robots, eight of them to test on, and length, a window of the monitor [s]."""
 
 PROBING = (
     *(*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", CODE),
@@ -39,7 +39,7 @@ PROBING = (
 
 @dataclass(frozen=True)
 class AdaptationCfg:
-    """What the study does with every run."""
+    """Settings of the study, the same for every run."""
 
     evaluation: EvaluationCfg = field(
         default_factory=lambda: EvaluationCfg(friction_levels=(0.0, 0.1, 0.2, 0.3), episodes=16, seconds=10.0)
@@ -124,13 +124,13 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
     contract, actor = contract_of(train, header), load_actor(directory, "student")
     moments = Moments(contract.observation, contract.scale)
-    found = identified_values(header)
+    identified = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}
     pers: tuple[Per, ...] = ("joint", "robot")
     for per in pers:
         share = partial(_part_done, progress, f"{name}: friction per {per}")
-        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, partial(share, 0.0))
+        walks[per] = walk_with_friction(train, identified, actor, per, cfg.walk, threads, partial(share, 0.0))
         probes += probe_walk(walks[per], moments, per, partial(share, 0.5))
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
     model = out / f"{name}-wear.json"

@@ -1,1 +1,1 @@
-"""What identification finds of virtual robots on their benches, held against the truth."""
+"""Identified friction of virtual robots on their benches, compared with the ground truth."""

@@ -75,13 +75,13 @@ def report(
 
 def lead(rows: Sequence[IdentifiedFriction]) -> str:
     """Return how many intervals hold."""
-    found = score(rows)
-    identified = f"{found.joints} joints of {len(by_robot(rows))} virtual robots, {found.identified} of them identified"
-    if not found.identified:
+    total = score(rows)
+    identified = f"{total.joints} joints of {len(by_robot(rows))} virtual robots, {total.identified} of them identified"
+    if not total.identified:
         return f"{identified}."
-    low, high = wilson(found.held, found.identified)
+    low, high = wilson(total.held, total.identified)
     return (
-        f"{identified}: {found.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
+        f"{identified}: {total.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
         f"{high:.0%}, every joint taken as independent, though those of a robot share a log)."
     )
 

@@ -37,7 +37,7 @@ class IdentifiedFriction:
     """Name of the robot's folder: `saturn_lite--physx--all--0.1--1000`."""
     engine: str
     cell: str
-    """What of the robot is real."""
+    """Real effects of the robot."""
     level: str
     """Its dry friction, as people type it: `0.1`, `bench+0.02`."""
     seed: int
@@ -56,7 +56,7 @@ class IdentifiedFriction:
 
     @property
     def shown(self) -> float:
-        """What a perfect log shows, (f + load)/k [N m]: torque is logged in the unit of the motor's own reports."""
+        """Return the friction in a perfect log, (f + load)/k [N m], in the unit of the motor's own reports."""
         return (self.friction + self.load) / self.strength
 
     def holds(self, true: float) -> bool:
@@ -152,7 +152,7 @@ def beside_truth(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[Ide
     added = case.level.load * hidden.friction.load_share * load
     rows = []
     for joint, record in joints.joints.items():
-        number, found = bench.spec.joint_names.index(joint), record.coulomb_friction
+        number, estimate = bench.spec.joint_names.index(joint), record.coulomb_friction
         rows.append(
             IdentifiedFriction(
                 robot=bench.label,
@@ -164,9 +164,9 @@ def beside_truth(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[Ide
                 friction=float(friction[number]),
                 load=float(added[number]),
                 strength=float(hidden.motors.strength[number]),
-                identified=None if found is None else found.value,
-                low=None if found is None else found.interval95[0],
-                high=None if found is None else found.interval95[1],
+                identified=None if estimate is None else estimate.value,
+                low=None if estimate is None else estimate.interval95[0],
+                high=None if estimate is None else estimate.interval95[1],
             )
         )
     return rows
@@ -222,13 +222,13 @@ def study_benches(
     new = [bench for bench in benches if bench.label not in rows]
     workers = max(1, jobs // max(1, len(new)))
     tasks = [(bench, out / bench.label, workers) for bench in new]
-    for left, (number, found) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
+    for left, (number, outcome) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
         label = new[number].label
-        if isinstance(found, str):
-            failed[label] = found
+        if isinstance(outcome, str):
+            failed[label] = outcome
         else:
-            rows[label] = found
-            entry = sealed({"key": new[number].key, "rows": [asdict(row) for row in found]})
+            rows[label] = outcome
+            entry = sealed({"key": new[number].key, "rows": [asdict(row) for row in outcome]})
             write_text(files[label], json.dumps(entry) + "\n")
         progress("benches", 1.0 - left / len(benches))
     return [row for bench in benches for row in rows.get(bench.label, ())], failed

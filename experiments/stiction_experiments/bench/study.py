@@ -31,8 +31,7 @@ class BenchOptions(ParallelOptions):
     """Their dry friction: fractions of the torque limit, bench (what was measured of each kind of joint), bench+0.02
     (and that coefficient of the load)."""
     cell: str = "all"
-    """What of them is real: all, friction (nothing else), or groups joined by +. Cells without friction have level 0
-    alone."""
+    """Real effects of the robots: all, friction alone, or groups joined by +; without friction, level 0 alone."""
     robot: str = "saturn_lite"
     """Data sheet of the robots: a shipped one, or your own, `package.module:NAME`."""
     seconds: float = 20.0

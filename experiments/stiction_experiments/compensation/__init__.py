@@ -1,1 +1,1 @@
-"""Whether friction fed forward, as users of motors do it, makes a policy follow, and whether it hunts at standstill."""
+"""Friction fed forward, as users of motors do it: following with it, and hunting at standstill."""

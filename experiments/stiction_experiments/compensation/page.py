@@ -77,7 +77,7 @@ def level_table(rows: Sequence[Followed]) -> Any:
     for row in rows:
         text = f"{row.forward:.2f} / {row.backward:.2f}{' *' if follows(row) else ''}"
         cells.setdefault(way_of(row.policy), {})[row.friction_level] = text
-    lines = [[*way, *(found.get(level, "–") for level in levels)] for way, found in cells.items()]
+    lines = [[*way, *(texts.get(level, "–") for level in levels)] for way, texts in cells.items()]
     header = ["policy", "friction fed forward", *(f"{level} friction [1]" for level in levels.values())]
     return table(header, lines, grouped=True)
 
@@ -103,8 +103,8 @@ def answer(rows: Sequence[Followed]) -> list[str]:
         best = [way for way, number in reached.items() if number == max(reached.values())]
         shown = f"{'; '.join(best[:3])}{f'; {len(best) - 3} more' if best[3:] else ''}"
         best_said = f"with friction fed forward at best {_where(ways[best[0]])} ({shown})"
-        said = best_said if max(reached.values()) else "no way helps"
-        lines.append(f"In the simulator of the training it {enough}: {name} {alone}, and {said}.")
+        best_way = best_said if max(reached.values()) else "no way helps"
+        lines.append(f"In the simulator of the training it {enough}: {name} {alone}, and {best_way}.")
     return lines
 
 

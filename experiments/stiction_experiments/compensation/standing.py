@@ -36,7 +36,7 @@ class Standing:
     engine: str
     robot: int
     friction_level: str
-    """Of its joints, as `parse_level` reads it."""
+    """Friction of the joints, as `parse_level` reads it."""
     fed: str
     """How friction was fed forward, as `parse_compensation` reads it; none: not."""
     rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))
@@ -97,5 +97,5 @@ def stand_by(engine: str, seed: int, level: str, spec: Robot, compensation: Comp
     """
     case = Case(seed, "all", parse_level(level))
     friction = case.level.coulomb(spec) * case.robot(draw(spec, seed)).friction.share
-    found = stand(case, World(partial(make_engine, engine)), spec, friction, compensation)
-    return Standing(f"{engine}+all", seed, level, "none" if compensation is None else compensation.label, *found)
+    measured = stand(case, World(partial(make_engine, engine)), spec, friction, compensation)
+    return Standing(f"{engine}+all", seed, level, "none" if compensation is None else compensation.label, *measured)

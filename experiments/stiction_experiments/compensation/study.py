@@ -41,7 +41,7 @@ STANDING = (
     "error=1.5",
     *(f"{by}{wrong}" for by in ("reference", "measured", "measured-motor") for wrong in ("", "=1.125")),
 )
-"""Those of the robots that stand still."""
+"""Compensations of the standing robots."""
 
 
 @dataclass(frozen=True, kw_only=True)

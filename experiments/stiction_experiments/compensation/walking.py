@@ -34,18 +34,18 @@ def walk_by(bundle: Bundle, cfg: EvaluationCfg, compensation: Compensation | Non
 
 @dataclass(frozen=True)
 class Followed:
-    """Whether a policy follows at one friction; a row of the page."""
+    """Walk of a policy at one friction, and whether it follows; a row of the page."""
 
     policy: str = field(metadata=column("policy"))
     """Name of the bundle, and how friction was fed forward."""
     friction_level: float = field(metadata=column("friction", "of τ_max, or c"))
-    """Of every joint, over its torque limit, or the coefficient of the law [-]."""
+    """Friction of every joint, over its torque limit, or the coefficient of the law [-]."""
     forward: float = field(metadata=column("forward", "1", form=".2f"))
     """Speed reached over commanded [-]."""
     backward: float = field(metadata=column("backward", "1", form=".2f"))
     """The same backward [-]."""
     follows: str = field(metadata=column("paces"))
-    """Of both: `follows`, or what is wrong."""
+    """Verdict on both directions: `follows`, or the fault."""
     fall_rate: float = field(metadata=column("falls", "% of walks", form=".0%"))
     """Share of episodes of both that end in a fall [-]."""
     jitter: float | None = field(metadata=column("joint jitter told to stand [rad/s²]", form=".0f"))
@@ -58,7 +58,7 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
     cells: dict[tuple[str, float], dict[str, ResultRow]] = {}
     for row in rows:
         cells.setdefault((row.policy, row.friction_level), {})[row.command] = row
-    found = []
+    walks = []
     for (policy, level), by in cells.items():
         ahead = next((r for c, r in by.items() if c.startswith("vx=") and not c.startswith("vx=-")), None)
         back = next((r for c, r in by.items() if c.startswith("vx=-")), None)
@@ -68,5 +68,5 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
         falls = (ahead.fall_rate + back.fall_rate) / 2.0
         still = by["stand"].joint_jitter if "stand" in by else None
         speeds, law = (ahead.speed_ratio, back.speed_ratio), ahead.friction_law
-        found.append(Followed(policy, level, *speeds, ", ".join(paces), falls, still, law))
-    return found
+        walks.append(Followed(policy, level, *speeds, ", ".join(paces), falls, still, law))
+    return walks

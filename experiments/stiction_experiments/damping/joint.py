@@ -96,13 +96,13 @@ class NetRow:
     friction_level: float = field(metadata=column("friction", "of τ_max", ".2%"))
     """Dry friction of the logged joint over its torque limit [-]."""
     log: str = field(metadata=column("torque"))
-    """Which torque it learned: `motor_side` (B and friction not in it) or `output_side` (in it)."""
+    """Torque in the training log: `motor_side` (without B and friction) or `output_side` (with them)."""
     simulated: str = field(metadata=column("B of the simulation"))
     """B in the simulation: `own`, the logged joint's; `swapped`, half of k kd more; `dropped`, none."""
     damping: float = field(metadata=column("w2", "N m s/rad", ".4f"))
-    """What the net learned per velocity [N m s/rad]."""
+    """Torque per velocity that the net learned [N m s/rad]."""
     total: float = field(metadata=column("w2 + B", "N m s/rad", ".4f"))
-    """That and the simulation's B [N m s/rad]."""
+    """Sum of `damping` and the simulation's B [N m s/rad]."""
     true_total: float = field(metadata=column("true B + k·kd", "N m s/rad", ".4f"))
     """B + k kd of the logged joint [N m s/rad]."""
     position_difference: float = field(metadata=column("difference", "rad", angle_text))
@@ -147,27 +147,27 @@ class RobotRow:
     free_robots: int = field(metadata=column("under", "robots"))
     """Robots that reached no torque limit within the first second, with and without the swap."""
     free_difference: float | None = field(metadata=column("difference", "rad", angle_text))
-    """Of these, the largest difference of a joint's angle in that second [rad]; None without any."""
+    """Largest difference of a joint's angle in that second among these [rad]; None without any."""
     limited_robots: int = field(metadata=column("at limit", "robots"))
     """Robots that did reach one."""
     limited_difference: float | None = field(metadata=column("difference", "rad", angle_text))
-    """Of these, the same [rad]; None without any."""
+    """Largest difference among these [rad]; None without any."""
     twin_difference: float = field(metadata=column("twins", "rad", angle_text))
     """The same of all robots, to twins without a swap whose joints start slightly apart [rad]."""
 
 
 @dataclass(frozen=True)
 class DampingCfg:
-    """What the study of one joint goes through."""
+    """Settings of the study of one joint."""
 
     robots: tuple[str, ...] = ("go1", "saturn_lite")
     """Robots whose joint is taken."""
     joint: str | None = None
     """Kind of joint; None: that of the outermost joint, which the paper measured."""
     frequency: float = 2.0
-    """Of the stride [Hz]."""
+    """Frequency of the stride [Hz]."""
     amplitude: float = 0.3
-    """Of the target [rad]."""
+    """Amplitude of the target [rad]."""
     hold: float = 0.02
     """Time for which a target stands, a policy's control period [s]."""
     seconds: float = 2.0
@@ -183,7 +183,7 @@ class DampingCfg:
     periods: tuple[float, ...] = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02)
     """Control periods [s]."""
     cutoff: float = 50.0
-    """Of the filtered velocity [Hz]."""
+    """Cut-off frequency of the filtered velocity [Hz]."""
     draws: int = 100
     """Joints drawn to compare randomisations."""
     spread: float = 0.2

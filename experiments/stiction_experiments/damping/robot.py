@@ -127,12 +127,12 @@ def walk_rows(
 
 @dataclass(frozen=True)
 class _Record:
-    """What the robots did; plain ones first, then as many swapped ones, then their twins."""
+    """Motion of the robots; plain ones first, then as many swapped ones, then their twins."""
 
     angle: np.ndarray
     """Joint angles in the first second [rad], shape (T, N, J)."""
     limited: np.ndarray
-    """Whether any motor of a robot reached its limit in the first second, shape (N,)."""
+    """True if any motor of a robot reached its limit in the first second, shape (N,)."""
     velocity: np.ndarray
     """vx, vy, yaw rate of the base once settled, base frame, shape (T, N, 3)."""
     saturated: np.ndarray

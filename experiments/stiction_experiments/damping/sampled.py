@@ -152,7 +152,7 @@ class Difference:
     position: float
     velocity: float
     torque: float
-    """Of the motor [N m]; a swap always changes it, by `moved` times the speed."""
+    """Torque of the motor [N m]; a swap always changes it, by `moved` times the speed."""
 
 
 def largest_difference(first: Trajectory, second: Trajectory) -> Difference:

@@ -50,9 +50,9 @@ def run(options: DampingOptions, work: Work) -> Report:
     from stiction_experiments.damping.robot import WalkCfg, air_row, walk_rows
 
     if options.judge_again:
-        found = recorded(options.out, work, ("study", "walk", *TABLES))
+        earlier = recorded(options.out, work, ("study", "walk", *TABLES))
         rows = {name: tuple(read_rows(options.out / f"{name}.csv", kind)) for name, kind in TABLES.items()}
-        return report(DampingResult(**rows), found)
+        return report(DampingResult(**rows), earlier)
     cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
     walk = part_of(WalkCfg, options)
     bundles = work.bundles(options.bundles)

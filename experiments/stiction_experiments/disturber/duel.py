@@ -49,7 +49,7 @@ RANDOM: dict[str, DisturberName] = {"force": "random", "friction": "random-frict
 
 @dataclass(frozen=True)
 class DuelCfg:
-    """What a policy is put through; fields as of `DisturberOptions`."""
+    """Settings of a duel; fields as of `DisturberOptions`."""
 
     disturber: Literal["force", "friction"] = "force"
     limit: float | None = None
@@ -96,7 +96,7 @@ class DuelRow:
     policy: str = field(metadata=column("policy"))
     method: str = field(metadata=column("method"))
     seed: int = field(metadata=column("seed"))
-    """Of the disturber and of the robots."""
+    """Seed of the disturber and of the robots."""
     disturbed_by: Who = field(metadata=column("disturbed by"))
     """Nobody, draws, or the disturber that learned."""
     fall_rate: float = field(metadata=column("falls", "1/s", ".4f"))
@@ -154,7 +154,7 @@ class SteadyEnv(LocomotionEnv):
     """The task, in which a robot that begins anew changes nothing that is drawn for the others: noise above all."""
 
     _anew: torch.Generator | None = None
-    """Of what is drawn where a robot begins anew, once all have begun."""
+    """Generator for robots that begin anew, once all have begun."""
 
     def _reset(self, which: torch.Tensor) -> None:
         with self._own_draws():
@@ -211,9 +211,9 @@ class Duel:
     def disturber(self, kind: HinfCfg, seed: int) -> Disturber:
         """Return a new disturber of a kind."""
         obs, width = self.env.get_observations(), self.disturbance.width
-        found = make_disturber(kind, obs, width, self.env.cfg.control_period, seed, "cpu")
-        assert found is not None
-        return found
+        disturber = make_disturber(kind, obs, width, self.env.cfg.control_period, seed, "cpu")
+        assert disturber is not None
+        return disturber
 
     def step(self, values: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Take one control step; return cost, ends of episodes and time-outs, each (N,)."""
@@ -227,8 +227,8 @@ class Duel:
         """Let the disturber learn. `progress`: called with the share of it that is done."""
         for iteration in range(self.cfg.iterations):
             for _ in range(self.cfg.steps):
-                found, dones, time_outs = self.step(learner.act(self.env.get_observations()))
-                learner.record(found, dones, time_outs)
+                costs, dones, time_outs = self.step(learner.act(self.env.get_observations()))
+                learner.record(costs, dones, time_outs)
             learner.finish(self.env.get_observations(), 0.0, GAMMA, LAMBDA)
             learner.update(EPOCHS, BATCHES)
             progress((iteration + 1) / self.cfg.iterations)
@@ -245,14 +245,14 @@ class Duel:
         settle = round(SETTLE / period)
         sums = np.zeros(4)
         for step in range(self.judged):
-            found, dones, time_outs = self.step(None if act is None else act(env.get_observations()))
+            costs, dones, time_outs = self.step(None if act is None else act(env.get_observations()))
             if step < settle:
                 continue
             velocity = env.linear_velocity[:, :2]
             # Episodes also end by time-outs, which are no falls.
             fell = (dones.float() - time_outs).sum()
             ratio = (velocity @ target).sum() / target.square().sum()
-            sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).sum(), found.sum())]
+            sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).sum(), costs.sum())]
         samples = (self.judged - settle) * self.cfg.num_envs
         falls, ratios, errors, lost = sums.tolist()
         return {
@@ -290,6 +290,6 @@ def fight(
         for number, (who, act) in enumerate(sides.items()):
             progress(learning + (1 - learning) * number / len(sides))
             # A new arena each time: the same robots, commands and noise for everyone who disturbs them.
-            found = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
-            rows.append(asdict(DuelRow(bundle.name, method_of(bundle.contract), seed, who, **found)))
+            figures = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
+            rows.append(asdict(DuelRow(bundle.name, method_of(bundle.contract), seed, who, **figures)))
     return rows

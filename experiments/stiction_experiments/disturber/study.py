@@ -63,7 +63,7 @@ class DisturberOptions(Options):
 
 @dataclass(frozen=True)
 class Gain:
-    """What the disturbances cost a policy; a row of gains.csv."""
+    """Cost of the disturbances for a policy; a row of gains.csv."""
 
     policy: str = field(metadata={"label": "policy"})
     disturbed_by: str = field(metadata={"label": "disturbed by"})
@@ -85,7 +85,7 @@ class Gain:
 
 def gains(rows: Sequence[DuelRow]) -> list[Gain]:
     """Return what each side changed against nobody, policy by policy; rows: of one budget."""
-    found = []
+    differences = []
     calm = {(row.policy, row.seed): row for row in rows if row.disturbed_by == "nobody"}
     for policy in dict.fromkeys(row.policy for row in rows):
         for who in ("random", "learned"):
@@ -96,8 +96,8 @@ def gains(rows: Sequence[DuelRow]) -> list[Gain]:
 
             costs = [a.cost - b.cost for a, b in pairs]
             changes = (mean("fall_rate"), mean("speed_ratio"), mean("tracking_error"), mean("cost"))
-            found.append(Gain(policy, who, len(pairs), *changes, min(costs), max(costs)))
-    return found
+            differences.append(Gain(policy, who, len(pairs), *changes, min(costs), max(costs)))
+    return differences
 
 
 def _part(fight: Callable[..., list[dict[str, Any]]], *arguments: Any) -> dict[str, Any]:
@@ -138,18 +138,18 @@ def report(rows: Sequence[DuelRow], summary: Mapping[str, Any]) -> Report:
     """Return the tables and the page."""
     from stiction.report.page import Section, row_table
 
-    found = gains(rows)
-    by_who = {(gain.policy, gain.disturbed_by): gain for gain in found}
+    losses = gains(rows)
+    by_who = {(gain.policy, gain.disturbed_by): gain for gain in losses}
     words = [
         f"{policy} {by_who[policy, 'learned'].cost:+.3f} ({by_who[policy, 'random'].cost:+.3f} by draws)"
-        for policy in dict.fromkeys(gain.policy for gain in found)
+        for policy in dict.fromkeys(gain.policy for gain in losses)
     ]
     return Report(
         title="A fresh disturber against each policy",
         lead=f"Share of the task's reward that the disturber takes beside what is lost without: {'; '.join(words)}.",
-        tables={"duels": rows, "gains": found},
+        tables={"duels": rows, "gains": losses},
         sections=[
-            Section("What is lost beside what is lost with nobody", (row_table(found),)),
+            Section("What is lost beside what is lost with nobody", (row_table(losses),)),
             Section("How the robots walked", (row_table(rows),)),
         ],
         summary=summary,

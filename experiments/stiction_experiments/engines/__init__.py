@@ -1,1 +1,1 @@
-"""Whether every engine does what it should, and how the same policy walks in each."""
+"""Conformance of every engine, and the walks of one policy in each."""

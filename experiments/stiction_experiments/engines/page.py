@@ -102,10 +102,10 @@ FLOOR = 1e-9
 """Smallest error that is drawn [rad]: a logarithm has no zero."""
 
 STYLES = ("-", "--", "-.", ":")
-"""Of the engines' lines, which often lie on each other."""
+"""Line styles of the engines, whose lines often lie on each other."""
 
 SIMULATOR_COLORS = (INK, *COLORS, "#c9556a")
-"""Of the simulators: those of the page and two more."""
+"""Colours of the simulators: those of the page and two more."""
 
 
 def draw_motions(motions: Traces) -> Figure:
@@ -160,12 +160,12 @@ def figure_table(rows: Sequence[FigureRow], timestep: float) -> TextTable:
     for row in mine:
         lines.setdefault((row.check, row.figure), {})[row.engine] = row
     cells = []
-    for (check, figure), found in lines.items():
-        one = next(iter(found.values()))
+    for (check, figure), tests in lines.items():
+        one = next(iter(tests.values()))
         values = [
-            f"{value(found[name])}{'' if found[name].passed else ' FAIL'}" if name in found else "–" for name in engines
+            f"{value(tests[name])}{'' if tests[name].passed else ' FAIL'}" if name in tests else "–" for name in engines
         ]
-        complete = len(found) == len(engines) and all(row.passed for row in found.values())
+        complete = len(tests) == len(engines) and all(row.passed for row in tests.values())
         verdict = "pass" if complete else "FAIL"
         cells.append([check, figure, f"{one.bound:.3g}{unit(one)}", *values, verdict])
     return ["check", "figure", "bound", *engines, "verdict"], cells
@@ -188,8 +188,8 @@ def walk_table(rows: Sequence[WalkRow], cell: Callable[[WalkRow], str], caption:
     for row in rows:
         lines.setdefault((row.policy, row.friction_level, row.command), {})[row.simulator] = cell(row)
     body = [
-        [policy, f"{level:.0%}", command, *(found.get(name, "–") for name in names)]
-        for (policy, level, command), found in lines.items()
+        [policy, f"{level:.0%}", command, *(by_name.get(name, "–") for name in names)]
+        for (policy, level, command), by_name in lines.items()
     ]
     return table(
         ["policy", "friction [of τ_max]", "command", *(f"{name} [1]" for name in names)], body, caption, grouped=True
@@ -269,14 +269,14 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
     else:
         figures["motions"] = drawn = draw_motions(result.motions)
         motions = figure_block(drawn, motions_text(result))
-    found = {"failures": len(failed), "answers": answers, "missing": result.missing}
+    answered = {"failures": len(failed), "answers": answers, "missing": result.missing}
     return Report(
         title="What does each physics engine do with a joint, a foot, a walk?",
         lead="\n".join(lead(result)),
         tables=rows | {"episodes": result.episodes},
         sections=sections(result, motions, figures["walks"], settings["robot"]),
         run=run_blocks(settings),
-        summary=settings | found | {name: [asdict(row) for row in some] for name, some in rows.items()},
+        summary=settings | answered | {name: [asdict(row) for row in some] for name, some in rows.items()},
         notes=[*map(failure, failed), *missing],
         figures=figures,
         answer=(*printed_tables(result), *answers),
@@ -300,8 +300,8 @@ def lead(result: EnginesResult) -> list[str]:
     apart = {
         name: distance(result.walks, name, MUJOCO) for name in dict.fromkeys(row.simulator for row in result.walks)
     }
-    said = ", ".join(f"{100 * by:.0f} % in {name}" for name, by in apart.items() if name != MUJOCO and by is not None)
-    return [*lines, *([f"The same walks differ from {MUJOCO}'s, of the commanded speed, by {said}."] if said else [])]
+    gaps = ", ".join(f"{100 * by:.0f} % in {name}" for name, by in apart.items() if name != MUJOCO and by is not None)
+    return [*lines, *([f"The same walks differ from {MUJOCO}'s, of the commanded speed, by {gaps}."] if gaps else [])]
 
 
 def failure(row: FigureRow) -> str:
@@ -346,7 +346,7 @@ def sections(result: EnginesResult, motions: Markup, walks: Figure | None, robot
         )
         for step in dict.fromkeys(row.timestep for row in result.conformance)
     ]
-    found = [
+    parts = [
         Section("One joint and a free flight", (motions,)),
         Section("Conformance", (paragraph(f"The robot is {robot}. {HOW_FIGURES}"), *tables)),
         Section("Pace", (paragraph(PACE), row_table(result.pace))),
@@ -356,8 +356,8 @@ def sections(result: EnginesResult, motions: Markup, walks: Figure | None, robot
         blocks = (figure_block(walks, caption), table(*simulator_table(result.walks)), paragraph(HOW_WALKS))
         every = [walk_table(result.walks, _speeds, SPEEDS), walk_table(result.walks, _verdicts, VERDICTS)]
         cells = (fold("Every policy, friction and command, simulators side by side", every),)
-        found.append(Section("The same policies in every simulator", (*blocks, *cells)))
-    return found
+        parts.append(Section("The same policies in every simulator", (*blocks, *cells)))
+    return parts
 
 
 PACE = (

@@ -1,4 +1,4 @@
-"""What the study of engines measures of each: the conformance suite, two motions to draw, and pace."""
+"""Measurements of each engine: the conformance suite, two motions to draw, and pace."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FigureRow:
     check: str
     figure: str
     value: float | None
-    """What came out, zero were perfect; None where it is not a number."""
+    """Measured value, ideally zero; None where it is not a number."""
     unit: str
     """Its unit, `1` for a ratio."""
     bound: float
@@ -57,11 +57,11 @@ class Traces:
     """Two motions of every engine, to be drawn; arrays of shape (samples,)."""
 
     time: np.ndarray
-    """Of the joint's samples [s]."""
+    """Time of the joint's samples [s]."""
     load: np.ndarray
     """Torque on the joint over its dry friction [1]."""
     exact_speed: np.ndarray
-    """Of the joint, in closed form [rad/s]."""
+    """Speed of the joint in closed form [rad/s]."""
     speed: dict[str, np.ndarray]
     """Engine -> speed of the joint [rad/s]."""
     error: dict[str, np.ndarray]
@@ -69,7 +69,7 @@ class Traces:
     flight: dict[str, np.ndarray]
     """Engine -> largest error of a joint's angle in free flight, from the start to its end [rad]."""
     flight_time: np.ndarray
-    """Of the flight's samples [s]."""
+    """Time of the flight's samples [s]."""
 
 
 def find_engines(asked: Sequence[str] | None, spec: Robot) -> tuple[tuple[str, ...], dict[str, str]]:
@@ -101,8 +101,8 @@ def figure_rows(name: str, spec: Robot, timestep: float, progress: Callable[[flo
     for measured in conformance(partial(make_engine, name), spec, timestep):
         figure = measured.figure
         value = figure.value if math.isfinite(figure.value) else None
-        found = (figure.name, value, figure.unit, figure.tolerance, figure.passed)
-        rows.append(FigureRow(name, timestep, measured.check, *found))
+        cells = (figure.name, value, figure.unit, figure.tolerance, figure.passed)
+        rows.append(FigureRow(name, timestep, measured.check, *cells))
         progress(order.index(measured.check) / len(order))
     progress(1.0)
     return rows

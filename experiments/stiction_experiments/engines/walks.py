@@ -98,7 +98,7 @@ NO_NOISE = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Simulator:
-    """What a policy walks in."""
+    """Simulator that a policy walks in."""
 
     name: str
     make: Make | None
@@ -109,17 +109,17 @@ class Simulator:
 
 def find_simulators(engines: Sequence[str]) -> list[Simulator]:
     """Return the simulators, that of the training first: the engines at 2 ms, MuJoCo also as `COARSE` and `STIFF`."""
-    found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
+    kinds = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
     for name in engines:
         make = partial(make_engine, name)
         if name == MUJOCO:
             from stiction.engines.mujoco_engine import MujocoEngine
 
             stiff = partial(MujocoEngine, contact_time=CONTACT_TIME)
-            found += [Simulator(COARSE, make, None), Simulator(name, make, TIMESTEP), Simulator(STIFF, stiff, TIMESTEP)]
+            kinds += [Simulator(COARSE, make, None), Simulator(name, make, TIMESTEP), Simulator(STIFF, stiff, TIMESTEP)]
         else:
-            found.append(Simulator(name, make, TIMESTEP))
-    return found
+            kinds.append(Simulator(name, make, TIMESTEP))
+    return kinds
 
 
 def check_walks(cfg: EvaluationCfg) -> None:

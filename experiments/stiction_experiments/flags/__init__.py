@@ -1,4 +1,4 @@
-"""What identification says of a log after a wrong flag: known mistakes, made on purpose on records that it gets
+"""Answers of identification after a wrong flag: known mistakes, made on purpose on records that it gets
 right.
 """
 

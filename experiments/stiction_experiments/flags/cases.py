@@ -69,8 +69,8 @@ class Case:
 
     mistake: str
     record: str
-    given: Callable[[], Identified]
-    """The log and the flags after it."""
+    load: Callable[[], Identified]
+    """Loader of the log and its flags after the mistake."""
     invisible: str = ""
     """Why nothing in the log can show it; empty where something can."""
     flag: str = ""
@@ -93,9 +93,9 @@ def cases(
     return [Case(mistake, name, partial(after, records[name]), invisible, flag) for name in names.split("; ")]
 
 
-def all_right(given: Any) -> Any:
+def all_right(entry: Any) -> Any:
     """Make no mistake."""
-    return given
+    return entry
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,8 @@ free = partial(simulated, replace(SATURN_LITE, joint=replace(SATURN_LITE.joint, 
 
 def arm() -> Given:
     """Return the shoulder of a large arm."""
-    given = simulated(ARM, ARM_MOTION, ARM_NOISE)
-    return replace(given, log=replace(given.log, joints={"shoulder": given.signals}))
+    entry = simulated(ARM, ARM_MOTION, ARM_NOISE)
+    return replace(entry, log=replace(entry.log, joints={"shoulder": entry.signals}))
 
 
 @cache
@@ -209,7 +209,7 @@ def record_file(folder: Path, name: Path) -> Path:
 
 def flags(**changes: Any) -> Callable[[Any], Any]:
     """Return the mistake of these flags, of a joint or a limb."""
-    return lambda given: given.flags(**changes)
+    return lambda entry: entry.flags(**changes)
 
 
 without_gravity = flags(test_condition="bare_motor")
@@ -218,12 +218,12 @@ without_gravity = flags(test_condition="bare_motor")
 
 def scale(factor: float) -> Callable[[Given], Given]:
     """Return the mistake of a torque column in other units, or of the other sign, by its flag."""
-    return lambda given: given.flags(torque_scale=factor * (given.setup.torque_scale or 1.0))
+    return lambda entry: entry.flags(torque_scale=factor * (entry.setup.torque_scale or 1.0))
 
 
 def times(factor: float, *roles: str) -> Callable[[Given], Given]:
     """Return the mistake of signals in other units, or of another sign."""
-    return lambda given: given.changed(**{role: factor * given.role(role) for role in roles})
+    return lambda entry: entry.changed(**{role: factor * entry.role(role) for role in roles})
 
 
 target_in_degrees = times(DEGREES, "target")
@@ -231,32 +231,32 @@ target_in_degrees = times(DEGREES, "target")
 
 def gains(**factors: float) -> Callable[[Given], Given]:
     """Return the mistake of gains that are so many times the true ones."""
-    return lambda given: given.flags(**{name: factor * getattr(given.setup, name) for name, factor in factors.items()})
+    return lambda entry: entry.flags(**{name: factor * getattr(entry.setup, name) for name, factor in factors.items()})
 
 
 def late_target(seconds: float) -> Callable[[Given], Given]:
     """Return the mistake of a target that is logged so much later than it acted [s]."""
-    return lambda given: given.changed(target=np.interp(given.log.time - seconds, given.log.time, given.role("target")))
+    return lambda entry: entry.changed(target=np.interp(entry.log.time - seconds, entry.log.time, entry.role("target")))
 
 
 def torque_of(other: Callable[[], Given]) -> Callable[[Given], Given]:
     """Return the mistake of another joint's torque."""
-    return lambda given: given.changed(torque=np.resize(other().role("torque"), len(given.log.time)))
+    return lambda entry: entry.changed(torque=np.resize(other().role("torque"), len(entry.log.time)))
 
 
 def clipped(share: float) -> Callable[[Given], Given]:
     """Return the mistake of a sensor that reports no more than a share of the largest torque."""
 
-    def mistaken(given: Given) -> Given:
-        most = share * float(np.abs(given.role("torque")).max())
-        return given.changed(torque=np.clip(given.role("torque"), -most, most))
+    def mistaken(entry: Given) -> Given:
+        most = share * float(np.abs(entry.role("torque")).max())
+        return entry.changed(torque=np.clip(entry.role("torque"), -most, most))
 
     return mistaken
 
 
 def stamps(factor: float) -> Callable[[Any], Any]:
     """Return the mistake of stamps, or of --rate, that make the log `factor` times as long, of a joint or a limb."""
-    return lambda given: replace(given, log=replace(given.log, time=factor * given.log.time))
+    return lambda entry: replace(entry, log=replace(entry.log, time=factor * entry.log.time))
 
 
 def contact(size: float, angle: float = 0.6) -> Callable[[Given], Given]:
@@ -266,16 +266,16 @@ def contact(size: float, angle: float = 0.6) -> Callable[[Given], Given]:
     gives the spring's torque more, by its torque column and by its target.
     """
 
-    def mistaken(given: Given) -> Given:
-        position = given.role("position")
+    def mistaken(entry: Given) -> Given:
+        position = entry.role("position")
         low, high = float(position.min()), float(position.max())
         begin = low + angle * (high - low)
         pressed = size * np.clip((position - begin) / (high - begin), 0.0, None)
-        assert given.setup.kp is not None
-        changed = given.changed(target=given.role("target") + pressed / given.setup.kp)
-        if given.signals.torque is None:
+        assert entry.setup.kp is not None
+        changed = entry.changed(target=entry.role("target") + pressed / entry.setup.kp)
+        if entry.signals.torque is None:
             return changed
-        return changed.changed(torque=given.signals.torque + pressed / (given.setup.torque_scale or 1.0))
+        return changed.changed(torque=entry.signals.torque + pressed / (entry.setup.torque_scale or 1.0))
 
     return mistaken
 
@@ -305,12 +305,12 @@ def joint_cases(folder: Path) -> list[Case]:
         *add("torque an eighth too large", "motor", scale(9 / 8)),
         *add("torque a seventh too small", "leg", scale(6 / 7)),
         *add(
-            *("torque twice as large, no gains", "motor", lambda given: scale(2.0)(unchecked(given))),
+            *("torque twice as large, no gains", "motor", lambda entry: scale(2.0)(unchecked(entry))),
             *("without gains, limit or known load", "--torque-scale"),
         ),
         *add("torque of another joint", "motor; arm", torque_of(leg)),
         *add("torque cut off at half", "EMPS; leg; motor", clipped(0.5)),
-        *add("cut off at half, no gains", "motor", lambda given: unchecked(clipped(0.5)(given))),
+        *add("cut off at half, no gains", "motor", lambda entry: unchecked(clipped(0.5)(entry))),
         *add("degrees", "motor; leg; Go2", times(DEGREES, "position", "target")),
         *add("target in degrees", "motor", target_in_degrees),
         *add("kp twice as large", "EMPS", gains(kp=2.0)),
@@ -318,7 +318,7 @@ def joint_cases(folder: Path) -> list[Case]:
         *add("kp twice as large", "Go2", gains(kp=2.0), viscous, "--kp"),
         *add("kp and kd twice as large", "Go2", gains(kp=2.0, kd=2.0), POSITIONS_ALONE, "--kp"),
         *add("target 20 ms late", "EMPS; leg; Go2", late_target(0.02)),
-        *add("target of another joint", "Go2", lambda given: given.changed(target=hip().role("target"))),
+        *add("target of another joint", "Go2", lambda entry: entry.changed(target=hip().role("target"))),
         *add("half the rate", "EMPS; leg; Go2", stamps(2.0)),
         *add("twice the rate", "Go2", stamps(0.5)),
         *add("contact", "EMPS", contact(40.0)),

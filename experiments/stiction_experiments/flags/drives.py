@@ -31,7 +31,7 @@ from stiction_experiments.flags.cases import (
 from stiction_experiments.flags.servo import HANGS, SERVO
 
 MASS, LENGTH = 0.5, 0.2
-"""Of the pendulum [kg, m]."""
+"""Mass and length of the pendulum [kg, m]."""
 
 GEAR = 5.0
 """Ratio that is forgotten, or taken twice."""
@@ -74,8 +74,8 @@ def holding(what: str, declared: str) -> Callable[[Given], Given]:
     supply = SERVO.supply if declared == "duty" else None
     log = replace(SERVO.log(what), setup=LogSetup())
 
-    def mistaken(given: Given) -> Given:
-        changed = replace(given, log=log).flags(torque_column=declared, duty_voltage=supply)
+    def mistaken(entry: Given) -> Given:
+        changed = replace(entry, log=log).flags(torque_column=declared, duty_voltage=supply)
         return changed if declared != "current" else changed.flags(resistance=None)
 
     return mistaken
@@ -92,8 +92,8 @@ def drive_cases(folder: Path) -> list[Case]:
     as_torque = {"torque_column": None, "duty_voltage": None, "kt": None, "resistance": None, "torque_limit": None}
     twice, half = flags(pendulum_mass=2 * MASS), flags(pendulum_length=LENGTH / 2)
 
-    def no_gains(given: Given) -> Given:
-        return unchecked(given).flags(kt=2 * EMPS_VOLT)
+    def no_gains(entry: Given) -> Given:
+        return unchecked(entry).flags(kt=2 * EMPS_VOLT)
 
     weight = "the motor's constants are not known, and the weight alone tells the scale"
     return [

@@ -38,13 +38,13 @@ ROBOT = "go2"
 """The shipped robot whose front left leg moves."""
 
 FRICTION, VISCOUS, ROTOR, OFFSET = (0.4, 0.5, 1.0), (0.3, 0.3, 0.5), (0.01, 0.01, 0.02), (0.05, -0.05, 0.1)
-"""Of hip, thigh and calf [N m, N m s/rad, kg m², N m]."""
+"""Dry and viscous friction, rotor inertia and torque offset of hip, thigh and calf [N m, N m s/rad, kg m², N m]."""
 
 CENTRE, SWING = (0.0, 0.9, -1.7), (0.4, 0.6, 0.5)
 """Middle and largest swing of their motion [rad]."""
 
 FREQUENCIES = ((0.23, 0.61, 1.07), (0.31, 0.53, 0.97), (0.19, 0.71, 1.13))
-"""Of the three sines of each [Hz]."""
+"""Frequencies of the three sines of each joint [Hz]."""
 
 RATE, SECONDS = 250.0, 12.0
 """Samples per second, and length [Hz, s]."""
@@ -53,7 +53,7 @@ BY_LINKS = "to less than some 20 % links that are heavier than the model, by a t
 """Why a small error of the torques' scale cannot be seen."""
 
 KT, RESISTANCE = 1.0, 2.0
-"""Of motors that are driven by voltage, at the joint [N m/A, ohm]; they brake themselves by 0.5 N m s/rad."""
+"""Torque constant and resistance of motors driven by voltage, at the joint [N m/A, ohm]; they brake 0.5 N m s/rad."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class GivenLimb:
 
     def identified(self) -> list[tuple[str, float, JointRecord]]:
         """Return name, right friction and record of each joint. Raises `StictionError` where all of it is refused."""
-        found = identify_limb(self.log, self.mechanism, self.declared, self.setup).joints.joints
-        return [(name, right, found[name]) for name, right in self.friction.items() if name in found]
+        records = identify_limb(self.log, self.mechanism, self.declared, self.setup).joints.joints
+        return [(name, right, records[name]) for name, right in self.friction.items() if name in records]
 
     def flags(self, **flags: Any) -> GivenLimb:
         """Return the same with other flags."""
@@ -134,18 +134,18 @@ def measured(folder: Path) -> GivenLimb:
 
     log = open_log(record_file(folder, GO2), names=GO2_JOINTS)
     declared = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, motor_strength=1.0)
-    given = GivenLimb(log, find_mechanism(ROBOT), {}, declared)
-    records = identify_limb(log, given.mechanism, declared).joints.joints
+    entry = GivenLimb(log, find_mechanism(ROBOT), {}, declared)
+    records = identify_limb(log, entry.mechanism, declared).joints.joints
     friction = {name: one.coulomb_friction for name, one in records.items() if not one.objections}
-    return replace(given, friction={name: one.value for name, one in friction.items() if one is not None})
+    return replace(entry, friction={name: one.value for name, one in friction.items() if one is not None})
 
 
 def heavier(factor: float) -> Callable[[GivenLimb], GivenLimb]:
     """Return the mistake of a model whose links weigh so many times what they do."""
 
-    def mistaken(given: GivenLimb) -> GivenLimb:
-        links = tuple(link.scaled(factor) for link in given.mechanism.links)
-        return replace(given, mechanism=replace(given.mechanism, links=links))
+    def mistaken(entry: GivenLimb) -> GivenLimb:
+        links = tuple(link.scaled(factor) for link in entry.mechanism.links)
+        return replace(entry, mechanism=replace(entry.mechanism, links=links))
 
     return mistaken
 
@@ -154,30 +154,30 @@ def signals(
     name: str, factor: float, shift: float = 0.0, joints: tuple[int, ...] = (0, 1, 2)
 ) -> Callable[[GivenLimb], GivenLimb]:
     """Return the mistake of a signal in other units, of another sign, or from another zero."""
-    return lambda given: given.signals(lambda one: replace(one, **{name: factor * getattr(one, name) + shift}), joints)
+    return lambda entry: entry.signals(lambda one: replace(one, **{name: factor * getattr(one, name) + shift}), joints)
 
 
 torques, angles = partial(signals, "torque"), partial(signals, "position")
 """The same of torques [N m] and of angles [rad]."""
 
 
-def turned(given: GivenLimb) -> GivenLimb:
+def turned(entry: GivenLimb) -> GivenLimb:
     """Log the thigh, angle and torque, the other way round than the model has it."""
-    return torques(-1.0, joints=(1,))(angles(-1.0, joints=(1,))(given))
+    return torques(-1.0, joints=(1,))(angles(-1.0, joints=(1,))(entry))
 
 
-def swapped(given: GivenLimb) -> GivenLimb:
+def swapped(entry: GivenLimb) -> GivenLimb:
     """Take the hip for the thigh, and the thigh for the hip."""
-    hip, thigh, *others = given.log.joints
-    joints = {hip: given.log.joints[thigh], thigh: given.log.joints[hip]}
-    joints |= {name: given.log.joints[name] for name in others}
-    return replace(given, log=replace(given.log, joints=joints))
+    hip, thigh, *others = entry.log.joints
+    joints = {hip: entry.log.joints[thigh], thigh: entry.log.joints[hip]}
+    joints |= {name: entry.log.joints[name] for name in others}
+    return replace(entry, log=replace(entry.log, joints=joints))
 
 
-def other_torque(given: GivenLimb) -> GivenLimb:
+def other_torque(entry: GivenLimb) -> GivenLimb:
     """Log the calf's torque as the thigh's as well."""
-    calf = list(given.log.joints.values())[2].torque
-    return given.signals(lambda one: replace(one, torque=calf), (1,))
+    calf = list(entry.log.joints.values())[2].torque
+    return entry.signals(lambda one: replace(one, torque=calf), (1,))
 
 
 def limb_cases(folder: Path) -> list[Case]:
@@ -200,8 +200,8 @@ def limb_cases(folder: Path) -> list[Case]:
         *add("degrees", "limb", angles(DEGREES)),
         *add("two joints exchanged", "limb", swapped),
         *add("torque of another joint", "limb", other_torque),
-        *add("upside down", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 0.0, -1.0)))),
-        *add("on its side", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 1.0, 0.0)))),
+        *add("upside down", "limb", lambda entry: replace(entry, setup=LimbSetup(up=(0.0, 0.0, -1.0)))),
+        *add("on its side", "limb", lambda entry: replace(entry, setup=LimbSetup(up=(0.0, 1.0, 0.0)))),
         *add("half the rate", "limb", stamps(2.0)),
         *add("twice the rate", "limb", stamps(0.5)),
         *add("kt twice as large", "limb by voltage", flags(kt=2 * KT)),

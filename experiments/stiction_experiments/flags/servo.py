@@ -58,9 +58,9 @@ class Servo:
         values = values + noise * 0.01 * np.std(values) * rng.standard_normal(len(time))
         step = noise * 2 * np.pi / 2**14
         position = np.round(motion.position / step) * step if step else motion.position
-        said = {"torque_source": "motor_side", "test_condition": "loaded" if mass else "bare_motor"}
+        base = {"torque_source": "motor_side", "test_condition": "loaded" if mass else "bare_motor"}
         return Log(
-            f"{column}_{mass:g}_{seed}", time, {"knee": JointSignals(position, torque=values)}, LogSetup(**said | setup)
+            f"{column}_{mass:g}_{seed}", time, {"knee": JointSignals(position, torque=values)}, LogSetup(**base | setup)
         )
 
 

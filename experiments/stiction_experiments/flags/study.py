@@ -36,7 +36,7 @@ class FlagsOptions(Options):
 
 @dataclass(frozen=True)
 class MistakeRow:
-    """What identification said after a mistake; of several joints, of the one of which it said most that is wrong."""
+    """Answer of identification after a mistake; of several joints, the worst answer."""
 
     mistake: str = field(metadata=column("mistake"))
     record: str = field(metadata=column("record"))
@@ -59,36 +59,36 @@ class MistakeRow:
 
     @property
     def wrong(self) -> bool:
-        """Whether what came out is not the right friction."""
+        """Return whether the stated friction is not the right one."""
         if self.found is None or self.low is None or self.high is None:
             return False
         return abs(self.found - self.right) > TOLERANCE * self.right and not self.low <= self.right <= self.high
 
     @property
     def assumed(self) -> bool:
-        """Whether it is stated and wrong, under the very assumption that does not hold."""
+        """Return whether it is stated and wrong under the very assumption that does not hold."""
         return self.wrong and not self.caught and bool(self.flag) and self.flag in self.assumes.split()
 
     @property
     def confident(self) -> bool:
-        """Whether it is stated, wrong, not objected to, and not under an assumption that was named."""
+        """Return whether it is stated, wrong, not objected to, and not under a named assumption."""
         return self.wrong and not self.caught and not self.assumed
 
     @property
     def false_alarm(self) -> bool:
-        """Whether nothing was wrong, and there was an objection all the same, or a wrong friction."""
+        """Return whether no flag was wrong and an objection or a wrong friction came all the same."""
         none = self.right == 0 and self.caught == FRICTION_REACHES_ZERO
         return self.mistake == RIGHT and (self.wrong or (bool(self.caught) and not none))
 
 
 def outcome(case: Case) -> MistakeRow:
     """Identify a record after a mistake."""
-    given = case.given()
+    record = case.load()
     try:
-        found = given.identified()
+        joints = record.identified()
     except StictionError as error:
-        return _outcome(case, "", given.level, None, "refused", str(error))
-    rows = [_joint_outcome(case, *one) for one in found]
+        return _outcome(case, "", record.level, None, "refused", str(error))
+    rows = [_joint_outcome(case, *one) for one in joints]
     return max(rows, key=lambda row: (row.confident, row.false_alarm, row.assumed, not row.caught))
 
 
@@ -99,17 +99,17 @@ def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> 
     reasons = ", ".join(dict.fromkeys(one.reason for one in record.objections))
     verdict = record.diagnostics["verdict"]
     stated = " ".join((verdict["lines"][0], *record.warnings[:1]))
-    said = record.objections[0].seen if record.objections else stated
-    return _outcome(case, name, right, friction, reasons, said, " ".join(verdict["assumes"]))
+    words = record.objections[0].seen if record.objections else stated
+    return _outcome(case, name, right, friction, reasons, words, " ".join(verdict["assumes"]))
 
 
 def _outcome(
-    case: Case, name: str, right: float, friction: Estimate | None, caught: str, said: str, assumes: str = ""
+    case: Case, name: str, right: float, friction: Estimate | None, caught: str, words: str, assumes: str = ""
 ) -> MistakeRow:
     """Return a row; friction: None where there is none."""
     value, (low, high) = (None, (None, None)) if friction is None else (friction.value, friction.interval95)
     record = f"{case.record}, {name}" if name else case.record
-    return MistakeRow(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
+    return MistakeRow(case.mistake, record, right, value, low, high, caught, assumes, case.flag, words, case.invisible)
 
 
 def lead(rows: Sequence[MistakeRow]) -> str:

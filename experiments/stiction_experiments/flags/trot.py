@@ -22,7 +22,7 @@ ROBOT = "go2"
 """The robot that trots."""
 
 TIMESTEP = 0.001
-"""Of the physics and the motor controllers [s]."""
+"""Time step of the physics and the motor controllers [s]."""
 
 KP, KD, DAMPING, ARMATURE = 60.0, 1.5, 0.05, 0.01
 """The trot's gains [N m/rad], [N m s/rad], viscous friction [N m s/rad] and rotors [kg m²]."""
@@ -39,7 +39,7 @@ LEAST_HEIGHT = 0.2
 
 @dataclass(frozen=True)
 class Walked:
-    """What a robot did at 1 kHz, T samples, without errors: what its sensors would read, and no more."""
+    """Ideal sensor readings of a walking robot at 1 kHz, T samples."""
 
     position: np.ndarray
     """[rad], shape (T, J)."""
@@ -69,7 +69,7 @@ def asked(time: float, phases: np.ndarray, pace: float) -> np.ndarray:
 
     phases: of the sway, shape (5,); pace: steps a second [Hz].
     """
-    found = np.empty((4, 3))
+    angles = np.empty((4, 3))
     for leg, (side, offset) in enumerate(((-1, 0.0), (1, 0.5), (-1, 0.5), (1, 0.0))):
         phase = (time * pace + offset) % 1.0
         lift = max(0.0, np.sin(2 * np.pi * phase))
@@ -78,8 +78,8 @@ def asked(time: float, phases: np.ndarray, pace: float) -> np.ndarray:
         z = -0.30 + 0.08 * lift
         calf = -2 * np.arccos(np.hypot(x, z) / (2 * LINK))
         sway = 0.06 * np.sin(1.3 * time + phases[4]) + side * 0.12 * lift
-        found[leg] = (side * 0.02 + sway, np.arctan2(-x, -z) - calf / 2, calf)
-    return found.ravel()
+        angles[leg] = (side * 0.02 + sway, np.arctan2(-x, -z) - calf / 2, calf)
+    return angles.ravel()
 
 
 def trot(friction: np.ndarray, seconds: float = 5.0, seed: int = 0) -> Walked:

@@ -163,10 +163,10 @@ def hexapod() -> GivenLog:
 def scaled(name: str, factor: float, joints: slice = slice(None)) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of a signal in other units, or of another sign, of some joints."""
 
-    def mistaken(given: GivenTrot) -> GivenTrot:
-        values = given.raw[name].copy()
+    def mistaken(entry: GivenTrot) -> GivenTrot:
+        values = entry.raw[name].copy()
         values[:, joints] *= factor
-        return given.changed(**{name: values})
+        return entry.changed(**{name: values})
 
     return mistaken
 
@@ -174,24 +174,24 @@ def scaled(name: str, factor: float, joints: slice = slice(None)) -> Callable[[G
 def angles(factor: float, joints: slice = slice(None)) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of angles, velocities and targets in other units."""
     position, velocity, target = (scaled(name, factor, joints) for name in ("position", "velocity", "target"))
-    return lambda given: target(velocity(position(given)))
+    return lambda entry: target(velocity(position(entry)))
 
 
-def turned(given: GivenTrot) -> GivenTrot:
+def turned(entry: GivenTrot) -> GivenTrot:
     """Log a thigh, angle and torque, the other way round than the model has it."""
-    return scaled("torque", -1.0, slice(1, 2))(angles(-1.0, slice(1, 2))(given))
+    return scaled("torque", -1.0, slice(1, 2))(angles(-1.0, slice(1, 2))(entry))
 
 
-def moved_zero(given: GivenTrot) -> GivenTrot:
+def moved_zero(entry: GivenTrot) -> GivenTrot:
     """Take the calves' zero half a radian off."""
     shift = np.tile([0.0, 0.0, 0.5], 4)
-    return given.changed(**{name: given.raw[name] + shift for name in ("position", "target")})
+    return entry.changed(**{name: entry.raw[name] + shift for name in ("position", "target")})
 
 
 def ordered(order: list[int], *names: str) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of joints in another order, of all their signals or of those named."""
     signals = names or ("position", "velocity", "target", "torque")
-    return lambda given: given.changed(**{name: given.raw[name][:, order] for name in signals})
+    return lambda entry: entry.changed(**{name: entry.raw[name][:, order] for name in signals})
 
 
 def legs(*order: int) -> list[int]:
@@ -199,23 +199,23 @@ def legs(*order: int) -> list[int]:
     return [3 * leg + joint for leg in order for joint in range(3)]
 
 
-def clipped(given: GivenTrot) -> GivenTrot:
+def clipped(entry: GivenTrot) -> GivenTrot:
     """Log no more than half of each joint's largest torque."""
-    most = np.abs(given.raw["torque"]).max(axis=0) / 2
-    return given.changed(torque=np.clip(given.raw["torque"], -most, most))
+    most = np.abs(entry.raw["torque"]).max(axis=0) / 2
+    return entry.changed(torque=np.clip(entry.raw["torque"], -most, most))
 
 
 def stamps(factor: float) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of stamps, or of --rate, that make the log `factor` times as long."""
-    return lambda given: given.changed(time=factor * given.raw["time"])
+    return lambda entry: entry.changed(time=factor * entry.raw["time"])
 
 
 def late(name: str, seconds: float) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of a signal that is logged so much later [s]."""
 
-    def mistaken(given: GivenTrot) -> GivenTrot:
-        samples = round(seconds / (given.raw["time"][1] - given.raw["time"][0]))
-        return given.changed(**{name: np.roll(given.raw[name], samples, axis=0)})
+    def mistaken(entry: GivenTrot) -> GivenTrot:
+        samples = round(seconds / (entry.raw["time"][1] - entry.raw["time"][0]))
+        return entry.changed(**{name: np.roll(entry.raw[name], samples, axis=0)})
 
     return mistaken
 
@@ -223,35 +223,35 @@ def late(name: str, seconds: float) -> Callable[[GivenTrot], GivenTrot]:
 def heavier(factor: float) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of a model that weighs so many times what the robot does."""
 
-    def mistaken(given: GivenTrot) -> GivenTrot:
-        links = tuple(link.scaled(factor) for link in given.spec.links)
-        return replace(given, spec=replace(given.spec, base=given.spec.base.scaled(factor), links=links))
+    def mistaken(entry: GivenTrot) -> GivenTrot:
+        links = tuple(link.scaled(factor) for link in entry.spec.links)
+        return replace(entry, spec=replace(entry.spec, base=entry.spec.base.scaled(factor), links=links))
 
     return mistaken
 
 
 def gains(factor: float) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of gains that are so many times the true ones."""
-    return lambda given: replace(given, declared=replace(given.declared, kp=factor * KP, kd=factor * KD))
+    return lambda entry: replace(entry, declared=replace(entry.declared, kp=factor * KP, kd=factor * KD))
 
 
-def imu_turned(given: GivenTrot) -> GivenTrot:
+def imu_turned(entry: GivenTrot) -> GivenTrot:
     """Mount the IMU with its x axis backward, and say nothing."""
     # k q k⁻¹, a half turn about z on both sides: its world turns with the IMU, which changes the heading alone.
     half, round_z = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0])
-    raw = given.raw
-    return given.changed(
+    raw = entry.raw
+    return entry.changed(
         quaternion=raw["quaternion"] * half,
         gyroscope=raw["gyroscope"] * round_z,
         accelerometer=raw["accelerometer"] * round_z,
     )
 
 
-def on_output_side(given: GivenTrot) -> GivenTrot:
+def on_output_side(entry: GivenTrot) -> GivenTrot:
     """Log torque behind the gear, without the joints' friction, as if it were the motors'."""
-    rate = np.gradient(given.raw["position"], given.raw["time"], axis=0)
-    own = DAMPING * rate + ARMATURE * np.gradient(rate, given.raw["time"], axis=0)
-    return given.changed(torque=given.raw["torque"] - own - friction_of_trot() * np.sign(rate))
+    rate = np.gradient(entry.raw["position"], entry.raw["time"], axis=0)
+    own = DAMPING * rate + ARMATURE * np.gradient(rate, entry.raw["time"], axis=0)
+    return entry.changed(torque=entry.raw["torque"] - own - friction_of_trot() * np.sign(rate))
 
 
 EXCHANGED = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
@@ -286,7 +286,7 @@ def _model_cases(add: Add) -> list[Case]:
         *add("masses half as large in the model", "trot", heavier(0.5)),
         *add("masses a third larger in the model", "trot", heavier(4 / 3)),
         *add("masses a fifth smaller in the model", "trot", heavier(0.8)),
-        *add("a Go1 for a Go2", both, lambda given: replace(given, spec=other)),
+        *add("a Go1 for a Go2", both, lambda entry: replace(entry, spec=other)),
         *add("degrees", both, angles(DEGREES)),
         *add("target in degrees", "trot by targets", scaled("target", DEGREES)),
         *add("one joint the other way round", both, turned),
@@ -301,7 +301,7 @@ def _model_cases(add: Add) -> list[Case]:
 def _torque_cases(add: Add) -> list[Case]:
     single = BY_WEIGHT, "--torque-scale"
     return [
-        *(one for said, factor in FACTORS.items() for one in add(f"torque {said}", "trot", scaled("torque", factor))),
+        *(one for scale, factor in FACTORS.items() for one in add(f"torque {scale}", "trot", scaled("torque", factor))),
         *add("sign of the torque", "trot", scaled("torque", -1.0)),
         *add("sign of one torque", "trot", scaled("torque", -1.0, slice(1, 2))),
         *add("torque of one hip half as large again", "trot", scaled("torque", 1.5, slice(0, 1)), *single),
@@ -335,7 +335,7 @@ def _time_cases(add: Add) -> list[Case]:
     """Return mistakes about time, the IMU's units, and contact."""
 
     def contacts(change: Callable[[Any], np.ndarray]) -> Callable[[GivenLog], GivenLog]:
-        return lambda given: given.changed(foot_contact=change(given.log.foot_contact))
+        return lambda entry: entry.changed(foot_contact=change(entry.log.foot_contact))
 
     return [
         *add("half the rate", "trot", stamps(2.0)),
@@ -344,11 +344,11 @@ def _time_cases(add: Add) -> list[Case]:
         *add("twice the rate", "trot, no orientation", stamps(0.5)),
         *add("gyroscope in degrees", "trot; trot, no orientation", scaled("gyroscope", DEGREES)),
         *add("gyroscope half as large", "trot, no orientation", scaled("gyroscope", 0.5)),
-        *add("no accelerometer", "trot", lambda given: given.without("accelerometer")),
-        *add("no IMU", "trot", lambda given: given.without("quaternion", "gyroscope", "accelerometer")),
+        *add("no accelerometer", "trot", lambda entry: entry.without("accelerometer")),
+        *add("no IMU", "trot", lambda entry: entry.without("quaternion", "gyroscope", "accelerometer")),
         *add(
             *("feet in another order", "trot"),
-            lambda given: given.changed(foot_force=given.raw["foot_force"][:, ::-1]),
+            lambda entry: entry.changed(foot_force=entry.raw["foot_force"][:, ::-1]),
         ),
         *add("contact 60 ms late", "trot", late("foot_force", 0.06)),
         *add("contact 30 ms late", "trot", late("foot_force", 0.03)),
@@ -356,5 +356,5 @@ def _time_cases(add: Add) -> list[Case]:
         *add("contact where there is none", "hexapod", contacts(np.logical_not)),
         *add("feet in another order", "hexapod", contacts(lambda down: down[:, ::-1])),
         *add("contact 60 ms late", "hexapod", contacts(lambda down: np.roll(down, 12, axis=0))),
-        *add("contact not logged", "hexapod", lambda given: given.changed(foot_contact=None)),
+        *add("contact not logged", "hexapod", lambda entry: entry.changed(foot_contact=None)),
     ]

@@ -68,8 +68,8 @@ def _methods_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
     """Return where every seed of the training methods follows, to be read aloud; those that never do come last."""
     how, single = named(experiment), _with_one_seed(experiment, conditions)
     alone = {name: ", its one seed" if name in single and len(single) < len(conditions) else "" for name in conditions}
-    said = [f"{how[name]}{alone[name]}, {_where_all_follow(experiment, name)}" for name in conditions]
-    listed = "; ".join(sorted(said, key=lambda one: one.endswith("nowhere")))
+    phrases = [f"{how[name]}{alone[name]}, {_where_all_follow(experiment, name)}" for name in conditions]
+    listed = "; ".join(sorted(phrases, key=lambda one: one.endswith("nowhere")))
     seeds = "the one seed of each" if len(single) == len(conditions) else "every seed"
     return f"With this much friction, of each joint's torque limit, {seeds} follows: {listed}."
 
@@ -101,10 +101,10 @@ def _ways_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
         how |= {name: f"{how[name]} (one seed)" for name in single}
     everywhere = [name for name in conditions if counts[name] == tried[name]]
     if everywhere:
-        said = "; ".join(how[name] for name in everywhere)
+        names = "; ".join(how[name] for name in everywhere)
         verb = "follows" if len(everywhere) == 1 else "follow"
         number = f"{len(everywhere)} of {len(conditions)} ways to train"
-        return f"{number} {verb} with {seeds} up to {MOST} friction: {said}."
+        return f"{number} {verb} with {seeds} up to {MOST} friction: {names}."
     best = max(counts.values())
     if not best:
         return f"None of {len(conditions)} ways to train follows with {seeds} at any friction up to {MOST}."
@@ -118,15 +118,15 @@ def _ways_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
 
 def _purposes(experiment: Experiment) -> dict[str, str]:
     """Return what each condition is, in words that stand alone: `the same, ...` goes on from the one before."""
-    found: dict[str, str] = {}
+    purposes: dict[str, str] = {}
     whole = ""
     for condition in experiment.conditions:
         own = condition.purpose
         if own.startswith("the same, "):
-            found[condition.name] = f"{whole}, {own.removeprefix('the same, ')}"
+            purposes[condition.name] = f"{whole}, {own.removeprefix('the same, ')}"
         else:
-            found[condition.name] = whole = own
-    return found
+            purposes[condition.name] = whole = own
+    return purposes
 
 
 def _cells(experiment: Experiment, condition: str) -> list[Following]:

@@ -81,10 +81,10 @@ def read_earlier(out: Path, preset: str) -> Experiment | None:
     """
     if not (out / "summary.json").exists():
         return None
-    found = read_experiment(out)
-    if (other := found.summary.get("preset", TWO_PHASE)) != preset:
+    earlier = read_experiment(out)
+    if (other := earlier.summary.get("preset", TWO_PHASE)) != preset:
         raise ConfigurationError(f"{out} has runs of the preset {other!r}, not {preset!r}; choose another --out")
-    return found
+    return earlier
 
 
 def assemble(
@@ -106,8 +106,8 @@ def assemble(
 
     """
     metrics = {run.run.name: read_metrics(run.path / "metrics.jsonl") for run in planned if run.state() == "finished"}
-    curves = {name: learning_curve(name, found) for name, found in metrics.items()}
-    learned = [one for name, found in metrics.items() for one in learned_figures(name, found)]
+    curves = {name: learning_curve(name, metric) for name, metric in metrics.items()}
+    learned = [one for name, metric in metrics.items() for one in learned_figures(name, metric)]
     records, kept = {run.run.name: _record(run) for run in planned}, []
     here = {name for name, record in records.items() if record.state in EVALUATED}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
@@ -151,12 +151,12 @@ def kept_origins(before: Experiment, runs: Sequence[str]) -> list[dict[str, Any]
     """
     own = ("command", "revision", "machine", "evaluation")
     sources = [*before.summary.get("kept", []), {name: before.summary.get(name) for name in own}]
-    left, found = dict.fromkeys(runs), []
+    left, origins = dict.fromkeys(runs), []
     for source in sources:
         taken = [run for run in left if run in source.get("runs", left)]
-        found += [{**source, "runs": taken}] if taken else []
+        origins += [{**source, "runs": taken}] if taken else []
         left = dict.fromkeys(run for run in left if run not in taken)
-    return found
+    return origins
 
 
 def unwalked(planned: Sequence[PlannedRun], states: Sequence[State], before: Experiment) -> list[PlannedRun]:
@@ -204,9 +204,9 @@ def judge_again(out: Path, provenance: dict[str, Any]) -> Experiment:
 
     """
     before = read_experiment(out)
-    found = _judged(before)
-    summary = rejudged_summary(before.summary, before.verdicts, found.verdicts, provenance, own=LISTS)
-    return replace(found, summary={"warnings": []} | summary)
+    judged = _judged(before)
+    summary = rejudged_summary(before.summary, before.verdicts, judged.verdicts, provenance, own=LISTS)
+    return replace(judged, summary={"warnings": []} | summary)
 
 
 def _condition(planned: PlannedRun) -> ConditionRecord:

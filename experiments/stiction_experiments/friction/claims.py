@@ -61,8 +61,8 @@ def _iterations(e: TrainingEvidence, method: str) -> Labelled:
     """Return the iterations until the robot walks both ways in the first phase, with a label that says how many seeds
     never do: they count as the whole phase, less than the truth.
     """
-    (found, late), name = iterations_by_seed(method, e.curves), short_name(method)
-    return f"{name} ({late} of {len(found)} seeds not before the end)" if late else name, Measurement(found)
+    (iterations, late), name = iterations_by_seed(method, e.curves), short_name(method)
+    return f"{name} ({late} of {len(iterations)} seeds not before the end)" if late else name, Measurement(iterations)
 
 
 def takes_longer(method: str, than: str) -> Judge:
@@ -78,11 +78,11 @@ def stationary(method: str) -> Judge:
 
 def stationary_under_load(e: TrainingEvidence) -> Finding:
     """The same with friction that grows with load, at each coefficient trained with."""
-    found = []
+    findings = []
     for c in LOAD_COEFFICIENTS:
         measured = e.faster(f"load{round(1000 * c)}-direct", at(c, "load"))
-        found.append((c, within("direct, faster direction", measured, -np.inf, STATIONARY)))
-    return over_levels(found)
+        findings.append((c, within("direct, faster direction", measured, -np.inf, STATIONARY)))
+    return over_levels(findings)
 
 
 def filtered(e: TrainingEvidence) -> Finding:
@@ -90,13 +90,13 @@ def filtered(e: TrainingEvidence) -> Finding:
     exploration learns more where there is no friction. One of the two weak ones of the manifest suffices.
     """
     strong = e.slower(f"{DIRECT}-strong", NOMINAL)
-    found = []
+    findings = []
     for name in ("weak", "mid"):
         weak, control = e.slower(f"{DIRECT}-{name}", NOMINAL), e.slower(f"{NONE}-{name}", at(0.0))
         if weak.seeds or name == "weak":
             more = larger((f"{name} and no friction at all", control), (name, weak))
-            found.append(all_of(larger(("strong, slower direction", strong), (name, weak)), more))
-    judged = any_of(*found)
+            findings.append(all_of(larger(("strong, slower direction", strong), (name, weak)), more))
+    judged = any_of(*findings)
     return Finding(judged.outcome, f"{judged.evidence}; {describe('default', e.slower(DIRECT, NOMINAL).seeds)}")
 
 
@@ -129,10 +129,10 @@ def follows_at(method: str, level: float) -> Judge:
 def easy_robots(e: TrainingEvidence) -> Finding:
     """With the same mean and no easy robots, what the wide range reached is not reached."""
     narrow, wide = (e.slower(f"coulomb20-{name}", NOMINAL) for name in ("narrow", "deception"))
-    found = larger(("deception, slower direction", wide), ("narrow", narrow))
+    finding = larger(("deception, slower direction", wide), ("narrow", narrow))
     others = ("mean-kept", "mixture", "deception-joint")
-    beside = "; ".join(describe(name, e.slower(f"coulomb20-{name}", NOMINAL).seeds) for name in others)
-    return Finding(found.outcome, f"{found.evidence}; {beside}")
+    comparison = "; ".join(describe(name, e.slower(f"coulomb20-{name}", NOMINAL).seeds) for name in others)
+    return Finding(finding.outcome, f"{finding.evidence}; {comparison}")
 
 
 def nearer_than(other: str) -> Judge:

@@ -41,7 +41,7 @@ COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
 """Coefficients of the law `load` in the evaluation [-]."""
 
 COMMANDS = {"student": (*DIRECTIONS, "wz=0.5", "stand"), "teacher": DIRECTIONS}
-"""What is commanded. The teacher is there for comparison: what no verdict needs of it is left out."""
+"""Commands of student and teacher. The teacher walks for comparison, with no more than a verdict needs."""
 
 BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
 """The evaluation of a run at the experiment's level; commands by policy."""
@@ -91,7 +91,7 @@ class Task:
     settings: EvaluationCfg
     cache: Path
     exported: bool
-    """Whether the run's exported policy walks, and not the network in its folder."""
+    """True if the run's exported policy walks, instead of the network in its folder."""
 
     @property
     def name(self) -> str:
@@ -100,7 +100,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """What its rows depend on, for the cache: weights, what walks on them, settings and code.
+        """Return the cache key of its rows: a digest of the policy, the settings and the code.
 
         Raises `StictionError` where the run has no such policy.
         """
@@ -109,7 +109,7 @@ class Task:
 
     @property
     def done(self) -> bool:
-        """Whether its rows are there. Raises as `key`."""
+        """Return whether its rows are in the cache. Raises as `key`."""
         return entry_file(self.cache, self.who, self.key, ".json").exists()
 
     def _policy(self) -> Any:
@@ -177,7 +177,7 @@ def evaluate_tasks(
 
     Raises `StictionError` where a process was killed; what is evaluated by then is kept.
     """
-    found: dict[str, list[ResultRow]] = {}
+    results: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
     done = [task for task in tasks if _is_done(task)]
     new = [task for task in tasks if task not in done]
@@ -187,9 +187,9 @@ def evaluate_tasks(
             if isinstance(rows, str):
                 failed[some[number].name] = rows
             else:
-                found[some[number].name] = rows
-            progress("evaluation", (len(found) + len(failed)) / len(tasks))
-    return [row for task in tasks for row in found.get(task.name, [])], failed
+                results[some[number].name] = rows
+            progress("evaluation", (len(results) + len(failed)) / len(tasks))
+    return [row for task in tasks for row in results.get(task.name, [])], failed
 
 
 def _is_done(task: Task) -> bool:
@@ -234,13 +234,13 @@ def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]
     A teacher walks from the speed ratio on from which a policy is not too slow. A run that never walks counts as its
     whole first phase, which is less than the truth. curves: run -> its learning curve.
     """
-    found: SeedValues = {}
+    iterations: SeedValues = {}
     never = 0
     for (name, seed), run in sorted((condition_of(run), run) for run in curves):
         first = [point for point in curves[run] if point.phase == "teacher"]
         if name == condition and first:
             walks = (p.iteration for p in first if min(p.forward_ratio, p.backward_ratio) >= FOLLOWS[0])
             begin = next(walks, None)
-            found[seed] = float(first[-1].iteration if begin is None else begin)
+            iterations[seed] = float(first[-1].iteration if begin is None else begin)
             never += begin is None
-    return found, never
+    return iterations, never

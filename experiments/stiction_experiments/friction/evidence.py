@@ -51,15 +51,15 @@ def at(level: float, law: str = "coulomb") -> Condition:
 
 def seed_means(evidence: Evidence) -> list[SeedMean]:
     """Return the mean speed ratio over seeds of every cell that has one, with its t-interval."""
-    found = []
+    means = []
     for cell in evidence.cells:
         method, _, law, level, _, command = cell
         if values := list(evidence.column(cell, "speed_ratio").values()):
             condition, _, who = method.partition("/")
             low, high = t_interval(values) or (None, None)
             mean = float(np.mean(values))
-            found.append(SeedMean(condition, who or STUDENT, law, level, command, len(values), mean, low, high))
-    return sorted(found, key=lambda one: (one.condition, one.who, one.friction_level, one.command))
+            means.append(SeedMean(condition, who or STUDENT, law, level, command, len(values), mean, low, high))
+    return sorted(means, key=lambda one: (one.condition, one.who, one.friction_level, one.command))
 
 
 def median_seed(rows: Iterable[ResultRow], condition: str) -> int | None:

@@ -1,4 +1,4 @@
-"""What a training says of its code or its disturber in its last iterations: no evaluation can tell it afterwards."""
+"""Metrics of a training's code or disturber in its last iterations: no evaluation can tell them afterwards."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def learned_figures(run: str, rows: Sequence[Mapping[str, Any]]) -> list[Learned
     last = rows[-LAST:]
     names = dict.fromkeys(name for row in last for name in row if name.startswith(KINDS))
     values = {name: [float(row[name]) for row in last if name in row] for name in names}
-    return [LearnedFigure(run, name, len(found), float(np.mean(found))) for name, found in values.items()]
+    return [LearnedFigure(run, name, len(series), float(np.mean(series))) for name, series in values.items()]
 
 
 def learned_sheets(learned: Sequence[LearnedFigure]) -> dict[str, Sheet]:

@@ -246,8 +246,8 @@ def part_sheet(experiment: Experiment, part: str) -> Sheet:
 def _condition_row(experiment: Experiment, condition: ConditionRecord, who: str) -> tuple[str, ...]:
     cells = []
     for level in (0.0, condition.training_mean, condition.nominal):
-        found = {m.command: m for m in means_of(experiment, condition.name, who) if _is_at(m, level)}
-        cells.append(" / ".join(mean_text(found.get(command)) for command in WORDS))
+        means = {m.command: m for m in means_of(experiment, condition.name, who) if _is_at(m, level)}
+        cells.append(" / ".join(mean_text(means.get(command)) for command in WORDS))
     rows = [row for row in rows_of(experiment, condition.name, who) if _is_at(row, condition.nominal)]
     seeds = len({row.seed for row in rows})
     figures = (_mean(rows, "fall_rate", ".0%"), _mean(rows, "joint_jitter", ".0f"), _mean(rows, "tripod_share", ".0%"))
@@ -360,17 +360,17 @@ def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapp
 def kept_texts(summary: Mapping[str, Any]) -> list[str]:
     """Say whence rows are that were kept from before, a sentence for each command that made some."""
     # As a file gives it back, with lists in place of tuples.
-    now, found = json.loads(json.dumps(summary["evaluation"])), []
+    now, texts = json.loads(json.dumps(summary["evaluation"])), []
     for one in summary.get("kept", ()):
         before = json.loads(json.dumps(one["evaluation"] or {}))
         other = ", ".join(f"{name} {before[name]}" for name in before if name in now and before[name] != now[name])
         cpu = (one["machine"] or {}).get("cpu", "a machine that is not known")
         own = f", evaluated with {other}" if other else ""
-        found.append(
+        texts.append(
             f"Kept from before: the rows of {', '.join(one['runs'])}, by {one['command']}, revision {one['revision']}, "
             f"on {cpu}{own}. All others are by the command above."
         )
-    return found
+    return texts
 
 
 def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:

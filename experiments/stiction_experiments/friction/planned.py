@@ -1,4 +1,4 @@
-"""Which runs of the experiment are there, whether they are what the manifest says, and what the others cost."""
+"""Existing runs of the experiment, their differences from the manifest, and the cost of the missing ones."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ class PlannedRun:
         if not (self.path / "config.json").exists():
             return "missing" if self.policy is None else "exported"
         run = RunDirectory(self.path)
-        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config_to_train(), self.cfg))
-        if other := [*differences(found, expected), *self._other_files(run)]:
+        actual, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config_to_train(), self.cfg))
+        if other := [*differences(actual, expected), *self._other_files(run)]:
             raise TrainingError(
                 f"{self.path} holds another run than the manifest's: {', '.join(other)}; "
                 "move it away, or name another folder with --runs"
@@ -121,10 +121,10 @@ class PlannedRun:
     def why_another(self, contract: Contract) -> str | None:
         """Return what makes a policy another run's, and what to do; None where it is this one's."""
         friction = self.cfg.task.friction
-        found = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
+        actual = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
         expected = self.cfg.task.robot, friction.method, self.run.seed, friction.law, friction.level
-        if found != expected:
-            return f"it is {found}, expected {expected}"
+        if actual != expected:
+            return f"it is {actual}, expected {expected}"
         if method_of(contract) == BY_ERROR:
             return (
                 "its friction was added by the position error, expected by the joint's speed; move it away, or name "
@@ -145,13 +145,13 @@ class PlannedRun:
     def _other_files(self, run: RunDirectory) -> list[str]:
         """Return in which of the files that a training starts from a run differs from the manifest."""
         identified, joints = run.header()["identified"], self.cfg.joints
-        found = identified["sha256"] if identified else None
+        digest = identified["sha256"] if identified else None
         try:
             expected = None if joints is None else digest_of(Path(joints))
         except OSError as error:
             raise FileError(f"{joints} cannot be read: {error}; expected the joints.json to train with") from error
         net = None if self.cfg.actuator is None else read_actuator(Path(self.cfg.actuator))
-        other = differences(found, expected, "SHA-256 of joints")
+        other = differences(digest, expected, "SHA-256 of joints")
         same_net = _content(run.actuator()) == _content(net)
         return other if same_net else [*other, f"actuator is another net than {self.cfg.actuator}"]
 
@@ -162,7 +162,7 @@ def own_files(planned: Sequence[PlannedRun]) -> list[PlannedRun]:
 
     Raises `StictionError` for a policy that is damaged.
     """
-    times, found = Counter(run.run.name for run in planned), []
+    times, files = Counter(run.run.name for run in planned), []
     for run in planned:
         one = run
         if one.policy is not None:
@@ -172,8 +172,8 @@ def own_files(planned: Sequence[PlannedRun]) -> list[PlannedRun]:
                 one = replace(one, policy=None)
         if times[one.run.name] > 1 and not one.is_own_folder():
             one = replace(one, path=one.path.parent / one.run.preset / one.run.name)
-        found.append(one)
-    return found
+        files.append(one)
+    return files
 
 
 def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
@@ -213,12 +213,12 @@ def _content(net: ActuatorNet | None) -> Any:
     return vars(net) | {"layers": arrays, "revision": None, "command": None}
 
 
-def differences(found: Any, expected: Any, name: str = "") -> list[str]:
+def differences(actual: Any, expected: Any, name: str = "") -> list[str]:
     """Return the fields in which two configurations differ, as `teacher.iterations is 3, expected 350`."""
-    if is_dataclass(found) and is_dataclass(expected):
+    if is_dataclass(actual) and is_dataclass(expected):
         nested = (
-            differences(getattr(found, f.name), getattr(expected, f.name), f"{name}.{f.name}".lstrip("."))
-            for f in fields(found)
+            differences(getattr(actual, f.name), getattr(expected, f.name), f"{name}.{f.name}".lstrip("."))
+            for f in fields(actual)
         )
         return [text for texts in nested for text in texts]
-    return [] if found == expected else [f"{name} is {found}, expected {expected}"]
+    return [] if actual == expected else [f"{name} is {actual}, expected {expected}"]

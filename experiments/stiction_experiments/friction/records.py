@@ -1,4 +1,4 @@
-"""What the experiment on training with friction came to, as records and files: a page is drawn from these alone."""
+"""Records and files of the experiment on training with friction: a page is drawn from these alone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.straight import Following
 
 STUDENT = "student"
-"""Of a run's two policies the one that is deployed, and judged."""
+"""Deployed and judged policy of a run's two."""
 
 HIGHEST = 0.3
 """Highest friction level that counts in means over levels, and in tables [-]."""
@@ -90,7 +90,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class LearnedFigure:
-    """What a training said of its code or its disturber in the end; a row of learned.csv."""
+    """Last metrics of a training's code or disturber; a row of learned.csv."""
 
     run: str
     figure: str
@@ -111,13 +111,13 @@ class Experiment:
     runs: Sequence[RunRecord]
     parts: dict[str, str]
     summary: dict[str, Any]
-    """What was run, on what, and the settings of the evaluation."""
+    """Provenance of the runs, and the settings of the evaluation."""
     means: Sequence[SeedMean] = ()
     verdicts: Sequence[Verdict] = ()
     following: Sequence[Following] = ()
-    """Who follows, by condition and policy, `coulomb20-none/student`."""
+    """Seeds that follow, by condition and policy, `coulomb20-none/student`."""
     learned: Sequence[LearnedFigure] = ()
-    """Of the trainings whose folders are or were here."""
+    """Learned figures of the trainings whose folders are or were here."""
 
     @property
     def tables(self) -> dict[str, Sequence[Any]]:
@@ -127,7 +127,7 @@ class Experiment:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """What stands in summary.json: what is in no table."""
+        """Return the content of summary.json: all that is in no table."""
         names = ("conditions", "runs", "verdicts")
         lists = {name: [asdict(record) for record in getattr(self, name)] for name in names}
         return self.summary | {"parts": self.parts} | lists

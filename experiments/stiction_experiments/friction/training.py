@@ -31,7 +31,7 @@ POLL = 1.0
 """Time between two looks at the runs [s]."""
 
 LOG = "train.log"
-"""What a run printed, in its folder."""
+"""Printed output of a run, in its folder."""
 
 
 def train_command(run: PlannedRun) -> list[str]:

@@ -1,1 +1,1 @@
-"""Which feet are down when, with and without the two gait rewards."""
+"""Foot contacts over time, with and without the two gait rewards."""

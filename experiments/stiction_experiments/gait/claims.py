@@ -23,7 +23,7 @@ SENTENCES = {
     "G3": "r_unsync ensures that the two contact groups are used equally over a period of time, preventing the robot "
     "from adopting a three-legged hopping gait.",
 }
-"""What the paper says, in its order."""
+"""Sentences of the paper, in its order."""
 
 
 def words(number: str) -> str:
@@ -47,9 +47,9 @@ def gait_claim(
         if prevented_by is None:
             return shown
         below = float(np.nextafter(threshold, -np.inf))
-        found = all_of(shown, within(*_measured(rows, prevented_by, number), -np.inf, below))
+        finding = all_of(shown, within(*_measured(rows, prevented_by, number), -np.inf, below))
         reason = "there is nothing to prevent; " if shown.outcome == "does not" else ""
-        return Finding(found.outcome, reason + found.evidence)
+        return Finding(finding.outcome, reason + finding.evidence)
 
     if prevented_by is not None:
         criterion += f", and under it with {VARIANTS[prevented_by]}"
@@ -85,7 +85,7 @@ def seed_means(rows: Sequence[GaitRow], variant: str, number: str) -> SeedValues
         value = getattr(row, number)
         if row.variant == variant and row.moving_share >= STANDS and value is not None:
             values.setdefault(row.seed, []).append(value)
-    return {seed: float(np.mean(found)) for seed, found in sorted(values.items())}
+    return {seed: float(np.mean(numbers)) for seed, numbers in sorted(values.items())}
 
 
 def _measured(rows: Sequence[GaitRow], variant: str, number: str) -> Labelled:

@@ -1,4 +1,4 @@
-"""What a gait is, from the feet's contacts: pure functions of (T, N, L) arrays, and the criteria that name it.
+"""Gait from the feet's contacts: pure functions of (T, N, L) arrays, and the criteria that name it.
 
 The paper: in a *pronk* all feet touch the ground or lift off simultaneously; in its *trot* of a hexapod, a tripod, one
 contact group stands while the other is lifted; in *three-legged hopping* one contact group does all the work.
@@ -41,7 +41,7 @@ HOP = 0.5
 """A gait is a hop where one-sidedness is at least this: one group's feet are down three times as often [-]."""
 
 NO_GAIT = "none of these"
-"""What a walk is called that has no gait of a name."""
+"""Name of a walk without a named gait."""
 
 TRIPOD = 0.5
 """A gait is a tripod where exactly one group is on the ground in at least this share of moving steps [-]."""
@@ -118,12 +118,12 @@ def events(contact: np.ndarray, shortest: int) -> np.ndarray:
     With contacts negated these are the lift-offs. How long a foot was up before the first step is not known, so it
     counts from there.
     """
-    found = np.zeros_like(contact)
+    changes = np.zeros_like(contact)
     away = np.zeros(contact.shape[1:], int)
     for step, down in enumerate(contact):
-        found[step] = down & (away >= max(shortest, 1))
+        changes[step] = down & (away >= max(shortest, 1))
         away = np.where(down, 0, away + 1)
-    return found
+    return changes
 
 
 def together_share(per_kind: list[np.ndarray], moving: np.ndarray, window: int) -> float | None:
@@ -132,14 +132,14 @@ def together_share(per_kind: list[np.ndarray], moving: np.ndarray, window: int) 
     per_kind: touch-downs and lift-offs, each bool of shape (T, N, L), each compared with themselves only.
     """
     total = shared = 0
-    for found in per_kind:
-        near = found.copy()
+    for touches in per_kind:
+        near = touches.copy()
         for shift in range(1, window + 1):
-            near[shift:] |= found[:-shift]
-            near[:-shift] |= found[shift:]
+            near[shift:] |= touches[:-shift]
+            near[:-shift] |= touches[shift:]
         # Partners are looked for in all steps, events counted in moving ones: one at the edge of a stop has its
         # partners too.
-        counted = found & moving[..., None]
+        counted = touches & moving[..., None]
         total += int(counted.sum())
         shared += int((counted & near.all(axis=-1, keepdims=True)).sum())
     return shared / total if total else None
@@ -150,7 +150,7 @@ def correlations(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray) ->
 
     Robot by robot; feet that never change have none. None where no pair has one.
     """
-    found: dict[bool, list[float]] = {True: [], False: []}
+    pairs: dict[bool, list[float]] = {True: [], False: []}
     for robot in range(contact.shape[1]):
         steps = contact[moving[:, robot], robot].astype(float)
         if len(steps) < 2:
@@ -159,8 +159,8 @@ def correlations(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray) ->
         size = np.sqrt((apart**2).sum(axis=0))
         for one, other in combinations(np.flatnonzero(size > 0), 2):
             value = float(apart[:, one] @ apart[:, other] / (size[one] * size[other]))
-            found[bool(groups[one] == groups[other])].append(value)
-    within, across = (float(np.mean(values)) if values else None for values in found.values())
+            pairs[bool(groups[one] == groups[other])].append(value)
+    within, across = (float(np.mean(values)) if values else None for values in pairs.values())
     return within, across
 
 
@@ -180,7 +180,7 @@ def one_sidedness(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, w
 
 
 BOTH, NO_TROT, NO_UNSYNC, NEITHER = "both", "no-trot", "no-unsync", "neither"
-"""Which of the paper's gait rewards a policy was trained with."""
+"""Sets of the paper's gait rewards in training."""
 
 VARIANTS = {
     BOTH: "r_trot and r_unsync",
@@ -201,7 +201,7 @@ class GaitRow:
     seed: int
     command: str = field(metadata=column("command"))
     gait: str = field(metadata=column("gait"))
-    """What the criteria of `Gait.name` call it."""
+    """Name by the criteria of `Gait.name`."""
     speed_ratio: float | None = field(metadata=column("speed ratio", "1", form=".2f"))
     """Speed reached along the command over the commanded speed [-]."""
     fall_rate: float = field(metadata=column("falls", "%", form=".0%"))

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAMED = {NO_GAIT: "no clear gait"}
-"""What the lead calls a gait that has no name."""
+"""Words of the lead for a gait without a name."""
 
 SHOWN = 3.0
 """How much of a walk the diagram shows [s]."""
@@ -78,7 +78,7 @@ DEFINITIONS = (
         f"one-sidedness at least {HOP:g}; else tripod: tripod share at least {TRIPOD:.0%}; else none of these",
     ),
 )
-"""What the columns mean."""
+"""Meaning of the columns."""
 
 
 def report(
@@ -152,15 +152,15 @@ def bars(contact: np.ndarray, period: float) -> list[tuple[float, float]]:
 
 def lead(rows: Sequence[GaitRow]) -> str:
     """Return which reward makes the tripod, to be read aloud, then which gait the policies of each variant have."""
-    said, tripod = [], {}
+    phrases, tripod = [], {}
     for variant, trained in VARIANTS.items():
         own = [row for row in rows if row.variant == variant]
         counts = Counter(row.gait for row in own).most_common()
         walks = " and ".join(f"{NAMED.get(gait, gait)} in {number} of {len(own)} walks" for gait, number in counts)
-        said += [f"with {trained}: {walks}"] if own else []
+        phrases += [f"with {trained}: {walks}"] if own else []
         if own:
             tripod[variant] = all(row.gait == "tripod" for row in own)
-    return f"{_makes(tripod)}Trained {'; '.join(said)}."
+    return f"{_makes(tripod)}Trained {'; '.join(phrases)}."
 
 
 def _makes(tripod: Mapping[str, bool]) -> str:

@@ -33,7 +33,7 @@ LIMITS = (
     "holds there and at less, and does not at more. Next to that friction, on the other side, levels may be open: the "
     "evidence names them, and the levels that could not be judged."
 )
-"""What the outcomes with an x say: it is a friction."""
+"""Meaning of the outcomes with an x, a friction."""
 
 SAID = {
     "reproduces": ("holds", "hold"),
@@ -58,7 +58,7 @@ JUDGED = (
     f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict: `not tested`, with its "
     "number. Each sentence is judged by itself at 95 %: the number of sentences is not corrected for."
 )
-"""What a reader of the verdicts must know."""
+"""Note for readers of the verdicts."""
 
 ABOVE_ZERO = float(np.nextafter(0.0, 1.0))
 """Least difference that is one: two samples that are the same do not differ."""
@@ -78,12 +78,12 @@ FOLLOWING = (
     f"{BAND} both ways by every seed, on each virtual robot, and no fall, and falls shown to be in under "
     f"{in_words(STABLE)} of walks"
 )
-"""What `follows` asks, for criteria."""
+"""Definition of `follows` in criteria."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a rule found: the verdict, and the numbers behind it."""
+    """Verdict of a rule, and the numbers behind it."""
 
     outcome: Outcome
     evidence: str
@@ -91,18 +91,18 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one sentence; a row of claims.csv or verdicts.csv, and an entry of summary.json."""
+    """Verdict on one sentence; a row of claims.csv or verdicts.csv, and an entry of summary.json."""
 
     id: str
     sentence: str
     criterion: str
-    """What must hold for it to reproduce."""
+    """Condition for the sentence to reproduce."""
     outcome: Outcome
     evidence: str
 
 
 Results = TypeVar("Results")
-"""What a study judges: an `Evidence`, or rows of its own."""
+"""Type of a study's results: an `Evidence`, or rows of its own."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ class Claim(Generic[Results]):
 
     def verdict(self, results: Results) -> Verdict:
         """Return what became of the sentence."""
-        found = self.judge(results)
-        return Verdict(self.id, self.sentence, self.criterion, found.outcome, found.evidence)
+        finding = self.judge(results)
+        return Verdict(self.id, self.sentence, self.criterion, finding.outcome, finding.evidence)
 
 
 def changed_verdicts(
@@ -217,32 +217,32 @@ def _judged(evidence: str, interval: Interval | None, robots: Mapping[int, float
     """
     if interval is None:
         return Finding("not tested", evidence)
-    found = Finding(side(interval, low, high), evidence)
+    finding = Finding(side(interval, low, high), evidence)
     if not robots:
-        return found
+        return finding
     over_robots = t_interval([*robots.values()])
     if over_robots is None:
         return Finding("not tested", f"{evidence}, one robot")
-    return confirmed(found, f"{len(robots)} robots", over_robots, low, high)
+    return confirmed(finding, f"{len(robots)} robots", over_robots, low, high)
 
 
 def rate_within(label: str, rate: Rate, low: float, high: float) -> Finding:
     """Judge that a rate lies within [low, high]: over the seeds, over all trials, and over virtual robots."""
-    found = within(label, Measurement(rate.seeds), low, high)
+    finding = within(label, Measurement(rate.seeds), low, high)
     if not rate.trials:
-        return found
-    found = confirmed(found, f"{rate.trials} trials", rate.interval, low, high)
+        return finding
+    finding = confirmed(finding, f"{rate.trials} trials", rate.interval, low, high)
     ends = rate.robots_interval
-    return found if ends is None else confirmed(found, f"{rate.robots} robots", ends, low, high)
+    return finding if ends is None else confirmed(finding, f"{rate.robots} robots", ends, low, high)
 
 
-def confirmed(found: Finding, sample: str, interval: Interval, low: float, high: float) -> Finding:
+def confirmed(finding: Finding, sample: str, interval: Interval, low: float, high: float) -> Finding:
     """Return a finding that another interval was held against: undecided where that one does not agree.
 
     sample: what the other interval is over, for the evidence.
     """
-    agree = found.outcome in ("not tested", side(interval, low, high))
-    return Finding(found.outcome if agree else "undecided", f"{found.evidence}, {sample} {_text(interval)}")
+    agree = finding.outcome in ("not tested", side(interval, low, high))
+    return Finding(finding.outcome if agree else "undecided", f"{finding.evidence}, {sample} {_text(interval)}")
 
 
 def _text(interval: Interval) -> str:

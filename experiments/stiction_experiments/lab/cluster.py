@@ -58,7 +58,7 @@ class Cluster:
 
     @property
     def place(self) -> tuple[str, str]:
-        """What a task needs to know of this process: its code, and the folder that relative paths begin from."""
+        """Return what a task needs of this process: its code, and the base folder of relative paths."""
         return self.code, str(Path.cwd())
 
     def spread(
@@ -212,7 +212,7 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
     # A file of this moment: a folder of the same name on the node's own disk does not have it.
     token = folder.resolve() / f".cluster-{uuid4().hex}"
     token.touch()
-    there = []
+    reached = []
     try:
         looks = []
         for node in nodes:
@@ -240,12 +240,12 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
                     f"the node {name} does not see {folder.resolve()}, or not {Path.cwd()}; mount them there at the "
                     "same place"
                 )
-            there.append(node)
+            reached.append(node)
     finally:
         token.unlink(missing_ok=True)
-    if not there:
+    if not reached:
         raise ClusterError("the cluster has no node with a processor; start one with `ray start --address HOST:PORT`")
-    return there
+    return reached
 
 
 def _alive(node: dict[str, Any]) -> bool:

@@ -41,10 +41,10 @@ class Evidence(samples.Evidence):
 
     def column(self, cell: Cell, column: str) -> SeedValues:
         """Return one column of every training seed that has it, and record it; empty where nothing was walked."""
-        found = super().column(cell, column)
-        if found:
-            self.reads[cell, column] = found
-        return found
+        values = super().column(cell, column)
+        if values:
+            self.reads[cell, column] = values
+        return values
 
     def mean(self, method: str, condition: Condition, column: str, *commands: str) -> Measurement:
         """Return the mean of a column over commands on flat ground; empty where nothing was walked."""
@@ -103,11 +103,11 @@ class Evidence(samples.Evidence):
         the slowest and of the fastest, in either direction.
         """
         cells = cells_of(method, condition, DIRECTIONS)
-        found = {}
+        ends = {}
         for seed in self.slower(method, condition).seeds:
             each = [ratio for cell in cells for row in self.cells[cell][seed] for ratio in ratios_of(row)]
-            found[seed] = min(each), max(each)
-        return found
+            ends[seed] = min(each), max(each)
+        return ends
 
     def error(self, method: str, *conditions: Condition) -> Measurement:
         """Return the mean of |speed ratio - 1| over both directions and the conditions, of every seed that has all."""
@@ -168,15 +168,15 @@ def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[f
 
     cells: the rows of one seed in each of them.
     """
-    found = []
+    by_robot = []
     for rows in cells:
         values: dict[int, list[float]] = {}
         for robot, value in (pair for row in rows for pair in _of_robots(row, column)):
             if value is not None:
                 values.setdefault(int(robot), []).append(value)
-        found.append(values)
-    whole = sorted(set.intersection(*map(set, found)))
-    return {robot: [float(np.mean(values[robot])) for values in found] for robot in whole}
+        by_robot.append(values)
+    whole = sorted(set.intersection(*map(set, by_robot)))
+    return {robot: [float(np.mean(values[robot])) for values in by_robot] for robot in whole}
 
 
 def _of_robots(row: Row, column: str) -> Iterable[tuple[str, float | None]]:

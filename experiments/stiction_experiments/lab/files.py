@@ -25,9 +25,9 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
     Raises `FileError` where the file cannot be written; and whatever `make` raises.
     """
     file = entry_file(folder, name, key, ".json")
-    found = read_sealed(file)
-    if found is not None:
-        return found
+    entry = read_sealed(file)
+    if entry is not None:
+        return entry
     text = json.dumps(sealed(make()), allow_nan=False)
     write_text(file, text)
     # What was written and not what was made: tuples are lists, and keys text, the first time as ever after.

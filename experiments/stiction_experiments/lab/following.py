@@ -1,4 +1,4 @@
-"""Who follows, as tables and sentences over training methods: for a joint of some friction, and place by place."""
+"""Tables and sentences on the training methods that follow: for a joint of some friction, and place by place."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def recommended_sheet(cells: Sequence[Following]) -> Sheet:
         counts = (counts_text(methods[method]) if methods[method] else "not tested" for method in own)
         rows.append((friction_text("coulomb", level), sure or "nobody", *counts))
     everyone = "its one seed, everywhere" if has_one_seed(cells) else "every seed, everywhere"
-    header = ("friction", everyone, *(_named(method, found) for method, found in own.items()))
+    header = ("friction", everyone, *(_named(method, by_friction) for method, by_friction in own.items()))
     note = (
         f"{DEFINITION} Levels are those that were tested. Columns of methods count pairs of a seed and a place: the "
         "engines, and the virtual robots, on each of which a seed has to follow. One seed is no evidence."
@@ -100,14 +100,16 @@ def stalled_text(rows: Iterable[ResultRow], name_of: Callable[[ResultRow], str])
 
     name_of: row -> its training method.
     """
-    found = stalled(rows)
-    said = [
+    walks = stalled(rows)
+    texts = [
         f"{name_of(row)}, slowest walk of seed {row.seed} at {level_text(row.friction_law, row.friction_level)}: "
         f"{row.slowest_walk:.2f}"
-        for row in found[:MOST_STALLED]
+        for row in walks[:MOST_STALLED]
     ]
-    more = [f"{len(found) - MOST_STALLED} more in results.csv"] if len(found) > MOST_STALLED else []
-    return f"Seeds that follow in the mean, a walk of theirs under {STALLS}: {'; '.join(said + more)}." if said else ""
+    more = [f"{len(walks) - MOST_STALLED} more in results.csv"] if len(walks) > MOST_STALLED else []
+    return (
+        f"Seeds that follow in the mean, a walk of theirs under {STALLS}: {'; '.join(texts + more)}." if texts else ""
+    )
 
 
 def recommended_sentence(cells: Sequence[Following], level: float) -> str:
@@ -115,16 +117,16 @@ def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     methods = by_level(cells).get(level)
     if methods is None:
         return ""
-    found = everywhere(methods)
-    alone = [method for method in found if has_one_seed(methods[method])]
-    said = [_everywhere_text([method for method in found if method not in alone], "every seed")]
-    said.append(_everywhere_text(alone, "their one seed" if len(alone) > 1 else "its one seed"))
-    if not found:
+    names = everywhere(methods)
+    alone = [method for method in names if has_one_seed(methods[method])]
+    phrases = [_everywhere_text([method for method in names if method not in alone], "every seed")]
+    phrases.append(_everywhere_text(alone, "their one seed" if len(alone) > 1 else "its one seed"))
+    if not names:
         own = [cell for some in methods.values() for cell in some]
-        said = [_everywhere_text(["no training"], "its one seed" if has_one_seed(own) else "every seed")]
+        phrases = [_everywhere_text(["no training"], "its one seed" if has_one_seed(own) else "every seed")]
     best = ", ".join(f"{_named(method, methods[method])}, {counts_text(methods[method])}" for method in most(methods))
     seeds = f"; the largest share of seeds over all places: {best}" if best else ""
-    sure = ", and ".join(filter(None, said))
+    sure = ", and ".join(filter(None, phrases))
     return f"With {friction_text('coulomb', level)} friction, {sure}{seeds}."
 
 

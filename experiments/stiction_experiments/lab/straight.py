@@ -60,7 +60,7 @@ def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
 
 @dataclass(frozen=True)
 class Following:
-    """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
+    """Training seeds of a method that follow at one friction in one engine on flat ground; a row of following.csv.
 
     A seed counts that walked in both directions; of virtual robots the slowest and the fastest count.
     """
@@ -73,11 +73,11 @@ class Following:
     """Friction over the torque limit, or a coefficient [-]."""
     seeds: int
     follow: int
-    """Those that follow in both directions, and never fall."""
+    """Number of seeds that follow in both directions, and never fall."""
     too_slow: int
-    """Those that are too slow in at least one direction, on at least one robot."""
+    """Number of seeds that are too slow in at least one direction, on at least one robot."""
     too_fast: int
-    """Those that are too fast in at least one direction, on at least one robot."""
+    """Number of seeds that are too fast in at least one direction, on at least one robot."""
     fell: int
     deviation: float
     """Mean of |speed ratio - 1| over both directions and the seeds [-]; of virtual robots, of the worst."""
@@ -87,7 +87,7 @@ class Following:
 
     @property
     def every_seed(self) -> bool:
-        """Whether every training seed follows."""
+        """Return whether every training seed follows."""
         return self.follow == self.seeds
 
     @property
@@ -146,5 +146,5 @@ def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) 
         if row.terrain == "flat" and row.command in DIRECTIONS and row.speed_ratio is not None:
             cell = method_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
             cells.setdefault(cell, {}).setdefault(row.policy, {})[row.command] = row
-    found = (count(cell, policies.values()) for cell, policies in cells.items())
-    return [one for one in found if one is not None]
+    counts = (count(cell, policies.values()) for cell, policies in cells.items())
+    return [one for one in counts if one is not None]

@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from stiction_experiments.lab.claims import Verdict
 
 Summary = Mapping[str, Any]
-"""What stands in summary.json."""
+"""Content of summary.json."""
 
 WRITTEN = ("summary.json", "report.html", "claims.csv", "tables.md")
-"""What studies write, each what it has of it."""
+"""Files of studies; each study writes those for which it has content."""
 
 INPUTS = ("policies", "bundles", "bundle", "robot")
 """Options of studies that name what is read, of which the content counts."""
@@ -121,7 +121,7 @@ class Stopped(Exception):
 
 
 class Work:
-    """What a study works with: its folder, policies, processes, results of before, and progress."""
+    """Context of a study: its folder, policies, processes, earlier results, and progress."""
 
     def __init__(
         self, options: Options, verb: str, command: str, code: str, stack: ExitStack, results: Sequence[str] = ()
@@ -202,8 +202,8 @@ class Work:
 
         if paths is not None and not paths:
             raise UsageError("no bundle given")
-        found = shipped_bundles().values() if paths is None else map(find_bundle, paths)
-        bundles = [check_for_simulation(path) for path in found]
+        bundle_paths = shipped_bundles().values() if paths is None else map(find_bundle, paths)
+        bundles = [check_for_simulation(path) for path in bundle_paths]
         print_warnings(self.verb, record_notes(bundles))
         check_names([bundle.name for bundle in bundles])
         return bundles
@@ -220,7 +220,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Report:
-    """What a study found, and how its page shows it."""
+    """Results of a study and their page."""
 
     title: str = ""
     """Heading of the page; without one there is none."""
@@ -229,17 +229,17 @@ class Report:
     tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
     claims: Sequence[Verdict] = ()
-    """What became of each sentence: claims.csv, and a section of the page."""
+    """Verdicts on sentences: claims.csv, and a section of the page."""
     judged: str = ""
-    """What a reader of the claims must know."""
+    """Note for readers of the claims."""
     sections: Sequence[Section] = ()
     """The page without claims and provenance; by default its tables."""
     run: Sequence[Markup] = ()
-    """What was run, beside command, revision and machine."""
+    """Facts on the run, after command, revision and machine."""
     summary: Summary = field(default_factory=dict)
-    """What summary.json has beside `Work.provenance`, warnings and claims, or in their place."""
+    """Entries of summary.json in addition to `Work.provenance`, warnings and claims, or in their place."""
     warnings: Sequence[str] = ()
-    """What a reader must know first: printed, on the page, in summary.json."""
+    """Warnings for the reader: printed, on the page, in summary.json."""
     notes: Sequence[str] = ()
     """The same, on the page alone."""
     figures: Mapping[str, Figure | None] = field(default_factory=dict)
@@ -267,7 +267,7 @@ class Study(Generic[Chosen]):
 
     question: str
     description: str
-    """What `--help` says."""
+    """Text of `--help`."""
     options: type[Chosen]
     run: Callable[[Chosen, Work], Report | int]
     """Does it; returns an exit status where there is nothing to write."""
@@ -360,8 +360,8 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
 
 def filled(verdict: Verdict) -> str:
     """Return the outcome of a sentence with the friction that its x stands for."""
-    found = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
-    return f"{verdict.outcome[:-1]}{found[1]}" if found else verdict.outcome
+    match = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
+    return f"{verdict.outcome[:-1]}{match[1]}" if match else verdict.outcome
 
 
 PAGE = "report.html"
@@ -399,8 +399,8 @@ def namesakes(policies: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
     shipped = {name: path for name, path in shipped_bundles().items() if name in policies}
     others = [name for name, path in shipped.items() if policies[name]["digest"] != read_bundle(path).digest]
-    said = ", ".join(f"{name} ({origin(policies[name])})" for name in others)
-    return [f"Walked with earlier policies than the package has under these names now: {said}."] if others else []
+    names = ", ".join(f"{name} ({origin(policies[name])})" for name in others)
+    return [f"Walked with earlier policies than the package has under these names now: {names}."] if others else []
 
 
 WIDE = 140

@@ -72,7 +72,7 @@ class LatentMean:
 
 
 Who = Literal["teacher", "student"]
-"""Which of a run's two policies: the teacher walks on z = f_ada_tea(o_priv), the student on z* = f_ada_stu(o_H)."""
+"""One of a run's two policies: the teacher walks on z = f_ada_tea(o_priv), the student on z* = f_ada_stu(o_H)."""
 
 
 CALIBRATION_SEED = 1_000_003

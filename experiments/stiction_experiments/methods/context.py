@@ -30,7 +30,7 @@ from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 
 class Context(NamedTuple):
-    """What the encoder makes of histories."""
+    """Outputs of the encoder for histories."""
 
     velocity: torch.Tensor
     """v̂, the base's velocity [m/s], (N, 3)."""
@@ -92,8 +92,8 @@ class Head(nn.Module):
 
     def forward(self, history: torch.Tensor) -> torch.Tensor:
         """Map (N, history) to (N, size)."""
-        found: torch.Tensor = getattr(self.context(history), self.name)
-        return found
+        output: torch.Tensor = getattr(self.context(history), self.name)
+        return output
 
 
 class ContextActor(RMAActor):
@@ -193,7 +193,7 @@ class ContextActor(RMAActor):
 
 
 class ContextPolicy(StudentPolicy):
-    """What is deployed of DreamWaQ: the flattened history in, the mean action on v̂ and the code's mean out."""
+    """Deployed policy of DreamWaQ: the flattened history in, the mean action on v̂ and the code's mean out."""
 
     def __init__(self, actor: ContextActor) -> None:
         """Take the parts that run on the robot."""

@@ -49,11 +49,11 @@ class EpisodeReturns:
         self.running = torch.zeros(num, device=device)
         """Reward of the present episode so far."""
         self.whole = torch.zeros(num, dtype=torch.bool, device=device)
-        """Whether that was seen from its beginning."""
+        """True where that episode was seen from its beginning."""
         self.last = torch.zeros(num, device=device)
         """Return of the last whole episode."""
         self.known = torch.zeros(num, dtype=torch.bool, device=device)
-        """Whether there has been one."""
+        """True where a whole episode has ended."""
 
     def push(self, reward: torch.Tensor, dones: torch.Tensor) -> None:
         """Take in one step: rewards and ends of episodes, (N,)."""
@@ -147,11 +147,11 @@ class ContextPPO(AdaptationPPO):
         code, frame = cfg["actor"]["context"].code, obs["proprioception"].shape[-1]
         columns = {"estimate": VELOCITY, "guess": code, "noise": code, "bootstrapped": 1, "next": frame, "lasts": 1}
         empty = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
-        found = PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
-        assert isinstance(found, ContextPPO)
+        algorithm = PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
+        assert isinstance(algorithm, ContextPPO)
         env.return_terminal_obs = True
-        found.joints = env.spec.joint_names
-        return found
+        algorithm.joints = env.spec.joint_names
+        return algorithm
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Draw the code and sample actions on it; store both."""

@@ -1,4 +1,4 @@
-"""Who disturbs: a network that learns to, by a PPO of its own, or draws that are kept for a while.
+"""Disturbers: a network that learns by a PPO of its own, or random draws that are kept for a while.
 
 Nothing here touches torch's global stream of random numbers: all draws come from a generator that the disturber owns,
 so that a training whose disturber may do nothing is the training without one, bit for bit.
@@ -52,14 +52,14 @@ def advantages(
     """
     # The value before the step stands for the one after it: by then the robot has been reset.
     rewards = rewards + gamma * values * timed_out
-    found, advantage = torch.empty_like(rewards), torch.zeros_like(last)
+    result, advantage = torch.empty_like(rewards), torch.zeros_like(last)
     for step in range(len(rewards) - 1, -1, -1):
         following = last if step == len(rewards) - 1 else values[step + 1]
         goes_on = 1.0 - ended[step].float()
         delta = rewards[step] + goes_on * gamma * following - values[step]
         advantage = delta + goes_on * gamma * lam * advantage
-        found[step] = advantage
-    return found
+        result[step] = advantage
+    return result
 
 
 def expected(cost: torch.Tensor, size: torch.Tensor, fell: torch.Tensor, eta: float, gamma: float) -> float:

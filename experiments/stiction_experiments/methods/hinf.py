@@ -17,7 +17,7 @@ JOINT_DISTURBERS = ("friction", "random-friction")
 """Disturbers of joints, which need friction to be bounded by, and not of the base."""
 
 DisturberName = Literal["none", "random", "random-friction", "force", "friction"]
-"""Who disturbs, see `HinfCfg.disturber`."""
+"""Kind of disturber, see `HinfCfg.disturber`."""
 
 MOST_FORCE, MOST_FRICTION = 0.5, 1.0
 """Largest `HinfCfg.limit` of a force, as a share of the robot's weight, and of torques, of the joint's friction."""
@@ -67,7 +67,7 @@ class HinfCfg:
     critic: tuple[int, ...] = field(default=(128, 64), metadata=LEARNT)
     """Hidden layers of the critic of h."""
     learning_rate: float = field(default=5e-4, metadata=LEARNT)
-    """Of disturber and critic of h, fixed."""
+    """Learning rate of the disturber and the critic of h, fixed."""
     entropy: float = field(default=0.002, metadata=LEARNT)
     """Weight of the disturber's entropy bonus."""
     initial_std: float = field(default=0.5, metadata=LEARNT)
@@ -98,7 +98,7 @@ class HinfCfg:
 
     @property
     def by_torque(self) -> bool:
-        """Whether joints are disturbed, and not the base."""
+        """Return whether joints are disturbed, and not the base."""
         return self.disturber in JOINT_DISTURBERS
 
     @property
@@ -113,18 +113,18 @@ class HinfCfg:
 
     @property
     def disturbs(self) -> bool:
-        """Whether anybody disturbs."""
+        """Return whether a disturber acts."""
         return self.disturber != "none" and self.share > 0
 
     @property
     def learns(self) -> bool:
-        """Whether the disturber learns, and the constraint with it."""
+        """Return whether the disturber learns, and the constraint with it."""
         return self.disturbs and self.disturber in ("force", "friction")
 
 
 def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
-    found = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
-    return found | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
+    algorithm = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
+    return algorithm | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
 
 
 def _check(cfg: TrainCfg) -> None:
@@ -156,8 +156,8 @@ def _notes(cfg: TrainCfg) -> Iterator[str]:
     half = not settings.by_torque and settings.share == settings.most
     if settings.disturbs and half and not settings.curriculum:
         # Two trainings each, see results/methods.
-        found = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
-        yield f"hinf pushes with half of the weight from the first iteration on: {found}"
+        measured = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
+        yield f"hinf pushes with half of the weight from the first iteration on: {measured}"
 
 
 def _contract(cfg: TrainCfg) -> dict[str, Any]:

@@ -70,7 +70,7 @@ class HinfPPO(AdaptationPPO):
         self.hinf, self.seed, self.iterations = hinf, seed, iterations
         self.multiplier, self.eta = 0.0, hinf.eta
         self.disturber_optimizer: torch.optim.Optimizer | None = None
-        """That of a disturber that learns."""
+        """Optimizer of a disturber that learns."""
         self._intensity = torch.zeros(())
         self._logged: list[tuple[float, float]] = []
 
@@ -80,21 +80,21 @@ class HinfPPO(AdaptationPPO):
 
         Raises `StictionError` where no reward could be lost.
         """
-        found = AdaptationPPO.construct_algorithm(obs, env, cfg, device)
-        assert isinstance(found, HinfPPO)
+        algorithm = AdaptationPPO.construct_algorithm(obs, env, cfg, device)
+        assert isinstance(algorithm, HinfPPO)
         # The task pays every term times the control period.
-        found.best = best_task_reward(env.terms) * env.cfg.control_period
-        if found.hinf.learns and not found.best > 0:
+        algorithm.best = best_task_reward(env.terms) * env.cfg.control_period
+        if algorithm.hinf.learns and not algorithm.best > 0:
             raise ConfigurationError(
                 "the method 'hinf' counts the cost of a disturbance from what the task pays, and nothing is paid for "
                 f"going as commanded; give {' or '.join(TASK)} a positive weight"
             )
-        found.disturbance = Disturbance(env.fleet, found.hinf.by_torque, found.hinf.share)
-        width, period = found.disturbance.width, env.cfg.control_period
-        found.disturber = make_disturber(found.hinf, obs, width, period, found.seed, device)
-        if found.learning is not None:
-            found.disturber_optimizer = found.learning.optimizer
-        return found
+        algorithm.disturbance = Disturbance(env.fleet, algorithm.hinf.by_torque, algorithm.hinf.share)
+        width, period = algorithm.disturbance.width, env.cfg.control_period
+        algorithm.disturber = make_disturber(algorithm.hinf, obs, width, period, algorithm.seed, device)
+        if algorithm.learning is not None:
+            algorithm.disturber_optimizer = algorithm.learning.optimizer
+        return algorithm
 
     @property
     def learning(self) -> LearningDisturber | None:
@@ -127,10 +127,10 @@ class HinfPPO(AdaptationPPO):
     ) -> None:
         """Store what came of the step, for the policy and for the disturber."""
         if self.disturber is not None and self.best > 0:
-            found = cost(extras["task"], self.best)
-            self._logged.append((float(found.mean()), float(self._intensity.mean())))
+            costs = cost(extras["task"], self.best)
+            self._logged.append((float(costs.mean()), float(self._intensity.mean())))
             if self.learning is not None:
-                self.learning.record(found, dones, extras["time_outs"])
+                self.learning.record(costs, dones, extras["time_outs"])
         super().process_env_step(obs, rewards, dones, extras)
 
     def compute_returns(self, obs: TensorDict) -> None:

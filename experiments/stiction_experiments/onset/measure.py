@@ -64,9 +64,9 @@ class OnsetRow:
     method: str = field(metadata=column("method"))
     seed: int = field(metadata=column("seed"))
     digest: str
-    """Of the policy."""
+    """Digest of the policy."""
     reach: float = field(metadata=column("reach without friction", form=".2f"))
-    """Of the worst command [1]."""
+    """Reach of the worst command [1]."""
     onset: float | None = field(metadata=column("onset", "%", form=".1%"))
     """Friction over torque limit at which the worst reach falls under 0.8 [1]; None: it is under it without friction,
     or still over it at the end of the grid."""
@@ -99,9 +99,9 @@ class OnsetRow:
 def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], threads: int = 1) -> list[ReachRow]:
     """Walk a policy under frictions and commands, in one batch."""
     cfg = EvaluationCfg(tuple(levels), commands, EPISODES, SECONDS)
-    found = evaluate_bundle(bundle, cfg, threads=threads)
+    evaluated = evaluate_bundle(bundle, cfg, threads=threads)
     rows = []
-    for row, walks in zip(found.rows, found.episodes, strict=True):
+    for row, walks in zip(evaluated.rows, evaluated.episodes, strict=True):
         command = np.array(parse_command(row.command).velocity)
         stood = [np.array(walk.mean_velocity) * (walk.fall_rate == 0.0) for walk in walks]
         asked = command != 0.0
@@ -114,12 +114,12 @@ def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], 
 
 @dataclass(frozen=True)
 class Reaches:
-    """What one policy reaches over friction: level -> reach [1], three times."""
+    """Reach of one policy over friction: level -> reach [1], three times."""
 
     worst: Mapping[float, float]
-    """Of the worst command."""
+    """Reach of the worst command."""
     relative: Mapping[float, float]
-    """Of the worst, each over that of the same command without friction."""
+    """Reach of the worst command, each over that of the same command without friction."""
     mean: Mapping[float, float]
     """Mean of those."""
 

@@ -67,11 +67,11 @@ def ordered(rows: Sequence[OnsetRow]) -> list[OnsetRow]:
 
 def conditions_of(rows: Sequence[OnsetRow], reading: str = "onset", fewest: int = FEWEST) -> dict[str, list[OnsetRow]]:
     """Return the conditions that have enough seeds with an onset."""
-    found: dict[str, list[OnsetRow]] = {}
+    by_robot: dict[str, list[OnsetRow]] = {}
     for row in rows:
         if row.method == "none" and row.robot in CONDITIONS and getattr(row, reading) is not None:
-            found.setdefault(row.robot, []).append(row)
-    return {name: own for name, own in found.items() if len(own) >= fewest}
+            by_robot.setdefault(row.robot, []).append(row)
+    return {name: own for name, own in by_robot.items() if len(own) >= fewest}
 
 
 def on_axis(rows: Sequence[OnsetRow], axis: str, reading: str = "onset") -> float:
@@ -81,11 +81,11 @@ def on_axis(rows: Sequence[OnsetRow], axis: str, reading: str = "onset") -> floa
 
 def spreads_of(conditions: Onsets, reading: str = "onset") -> dict[str, float]:
     """Return axis -> the largest over the smallest onset of the conditions [1]."""
-    found = {}
+    spreads = {}
     for axis in AXES:
         values = [on_axis(own, axis, reading) for own in conditions.values()]
-        found[axis] = max(values) / min(values)
-    return found
+        spreads[axis] = max(values) / min(values)
+    return spreads
 
 
 def closest(spreads: Mapping[str, float]) -> str:
@@ -180,12 +180,12 @@ def predictions_sheet(rows: Sequence[OnsetRow], choice: Choice) -> Sheet | None:
         if row.method == "none" and row.robot in CONDITIONS:
             continue
         # A foreign policy is judged by what it reaches without friction: it is slower than told there.
-        found, predicted = (
+        measured, predicted = (
             getattr(row, "relative_onset" if row.onset is None else choice.reading),
             choice.middle / getattr(row, choice.axis),
         )
-        error = "–" if found is None else f"{predicted / found - 1:+.0%}"
-        walked = "over 64 %" if found is None else f"{found:.1%}"
+        error = "–" if measured is None else f"{predicted / measured - 1:+.0%}"
+        walked = "over 64 %" if measured is None else f"{measured:.1%}"
         lines.append((row.policy, row.method, f"{row.reach:.2f}", f"{predicted:.1%}", walked, error))
     header = ("policy", "method", "reach without friction", "predicted", "walked", "error")
     note = f"Predicted: the middle of the conditions on {AXES[choice.axis]}, {choice.middle:.3g}."

@@ -76,17 +76,17 @@ class Test:
             spread = self.differences
             if np.ptp(spread) == 0.0:
                 return float(spread[0]), float(spread[0])
-            found = stats.ttest_1samp(spread, 0.0).confidence_interval(share)
+            interval = stats.ttest_1samp(spread, 0.0).confidence_interval(share)
         else:
-            found = stats.ttest_ind(
+            interval = stats.ttest_ind(
                 [*self.first.values()], [*self.second.values()], equal_var=False
             ).confidence_interval(share)
-        return float(found.low), float(found.high)
+        return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What became of one test."""
+    """Outcome of one test."""
 
     test: Test
     outcome: Outcome

@@ -174,8 +174,3 @@ PLACES: tuple[Place, ...] = (
 
 SECONDS = 10.0
 """Length of a walk, of which the last 8 s count [s]."""
-
-
-def find_training(name: str) -> Training:
-    """Return a training by its name; it is one of `TRAININGS`."""
-    return next(training for training in TRAININGS if training.name == name)

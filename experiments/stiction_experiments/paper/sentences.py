@@ -406,7 +406,7 @@ SENTENCES: tuple[Sentence, ...] = (
         lambda r: [_two(name, (r.gait(n, "sway") for n in (name, "none"))) for name in ("go1-plain", "go2-plain")],
     ),
 )
-"""Those that walks, curves, stairs and gaits decide; 11, 12, 27, 39 and 44 have rows of their own."""
+"""Sentences decided by walks, curves, stairs and gaits; 11, 12, 27, 39 and 44 have rows of their own."""
 
 
 def by_family(results: Results) -> Mapping[Family, list[tuple[Sentence, list[Test]]]]:

@@ -193,8 +193,8 @@ def lead(rows: Sequence[PeerRow]) -> str:
             best = min(rivals, key=lambda peer: rivals[peer])
             if errors.get(CHOSEN, float("inf")) > rivals[best]:
                 behind.append(f"{joint} ({best}: {rivals[best]:.3g} against {errors.get(CHOSEN, float('nan')):.3g})")
-        said = f"ahead of all others on {len(joints) - len(behind)} of {len(joints)}"
-        lines.append(f"{record}: {said}" + (f"; behind on {', '.join(behind)}" if behind else ""))
+        count = f"ahead of all others on {len(joints) - len(behind)} of {len(joints)}"
+        lines.append(f"{record}: {count}" + (f"; behind on {', '.join(behind)}" if behind else ""))
     return "\n".join(lines)
 
 

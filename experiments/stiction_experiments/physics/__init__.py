@@ -1,1 +1,1 @@
-"""What a faster simulation of joint friction does to the speed of a walk."""
+"""Effect of a faster simulation of joint friction on the speed of a walk."""

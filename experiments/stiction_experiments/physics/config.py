@@ -1,4 +1,4 @@
-"""What a policy is put through in every physics. Neither torch nor mujoco: the command line reads it."""
+"""Settings of the walks in every physics. Neither torch nor mujoco: the command line reads it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stiction.joints.friction import MAX_LEVEL
 
 @dataclass(frozen=True)
 class WalkCfg:
-    """What a policy is put through."""
+    """Settings of the walks."""
 
     friction_levels: tuple[float, ...] = (0.0, 0.05, 0.1, 0.15, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]."""

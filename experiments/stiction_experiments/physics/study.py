@@ -25,7 +25,7 @@ class PhysicsOptions(Options):
     policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Policy bundles: directories, or names of shipped ones."""
     config: Annotated[WalkCfg, FLAT] = field(default_factory=WalkCfg)
-    """What the policies are put through."""
+    """Settings of the walks."""
     out: Path = Path("stiction-physics")
     """Directory for physics.csv and summary.json."""
 
@@ -38,8 +38,8 @@ def run(options: PhysicsOptions, work: Work) -> Report:
     bundles = {bundle.name: bundle for bundle in work.bundles(options.policies)}
     work.begin()
     rows = compare(bundles, options.config, work.threads, work.progress)
-    found, lines = bias(rows), []
-    for name, apart in found.items():
+    biases, lines = bias(rows), []
+    for name, apart in biases.items():
         line = "no walk to compare"
         if apart:
             line = (
@@ -48,7 +48,7 @@ def run(options: PhysicsOptions, work: Work) -> Report:
             )
         lines.append(f"{name:<34}{line}")
     policies = {name: describe(bundle) for name, bundle in bundles.items()}
-    summary = {"walks": asdict(options.config), "bias": found, "policies": policies}
+    summary = {"walks": asdict(options.config), "bias": biases, "policies": policies}
     return Report(tables={"physics": rows}, summary=summary, answer=lines)
 
 

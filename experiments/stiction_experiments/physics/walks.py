@@ -1,4 +1,4 @@
-"""What the simulation of joint friction does to a walk: the same policies under several, against a fine reference.
+"""Effect of the simulation of joint friction on a walk: the same policies under several, against a fine reference.
 
 Episode e meets the same start and the same sensor noise in every physics, at every level and command: rows differ by
 physics alone.
@@ -57,7 +57,7 @@ class PhysicsRow:
     speed_ratio: float
     """Mean speed over the commanded one [-]."""
     standard_error: float
-    """Of that mean, over the walks [-]."""
+    """Standard error of that mean, over the walks [-]."""
     falls: int
     """Walks in which the robot fell or its simulation blew up."""
 
@@ -118,7 +118,7 @@ def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
     decided by little. Empty where that is nowhere.
     """
     cells = {(row.physics, row.policy, row.level, row.direction): row for row in rows}
-    found = {}
+    biases = {}
     for physics in SETTINGS:
         mine = {key[1:]: row for key, row in cells.items() if key[0] == physics}
         apart: dict[str, float] = {}
@@ -131,5 +131,5 @@ def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
             label = "reference" if name == REFERENCE else name
             if distances:
                 apart |= {f"largest_from_{label}": max(distances), f"mean_from_{label}": float(np.mean(distances))}
-        found[physics] = apart
-    return found
+        biases[physics] = apart
+    return biases

@@ -40,15 +40,15 @@ def budget(evidence: Evidence) -> list[BudgetPoint]:
 
 def beside_forward(evidence: Evidence) -> list[ForwardPoint]:
     """Return the same where friction was fed forward, of that and of what it is held against, over the same robots."""
-    found = []
+    pairs = []
     for method, engine, law in _curves(evidence):
         for level in evidence.levels(method, engine, law) if method == FED else ():
             condition = Condition(engine, level, law)
             robots, left_out = evidence.robots(condition, *BESIDE)
             shared = evidence.on_shared_robots(condition, *BESIDE)
             points = [point for own in BESIDE if (point := _point(shared, own, condition)) is not None]
-            found += [ForwardPoint(**vars(point), robots=len(robots), left_out=len(left_out)) for point in points]
-    return found
+            pairs += [ForwardPoint(**vars(point), robots=len(robots), left_out=len(left_out)) for point in points]
+    return pairs
 
 
 def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint | None:
@@ -84,7 +84,7 @@ def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
     with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A
     virtual robot without friction is the cell that has everything else; without friction nothing is fed forward.
     """
-    found = []
+    results = []
     for method, engine, law in _curves(evidence):
         curves = [curve for curve in _by_seed(evidence, method, engine, law).values() if len(curve) >= FEWEST_LEVELS]
         if not curves:
@@ -98,8 +98,8 @@ def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
         unit = spec.dead_band
         band = None if level is None or has_coefficient(law) else level * unit
         tested = min(last for _, last in each)
-        found.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))
-    return found
+        results.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))
+    return results
 
 
 def _curves(evidence: Evidence) -> list[tuple[str, str, str]]:

@@ -76,8 +76,8 @@ def elsewhere(method: str, judge: JudgeAt, level: float = 0.0) -> Judge:
     return judge_all
 
 
-def _located(engine: str, found: Finding) -> Finding:
-    return Finding(found.outcome, f"{engine}: {found.evidence}")
+def _located(engine: str, finding: Finding) -> Finding:
+    return Finding(finding.outcome, f"{engine}: {finding.evidence}")
 
 
 def on_robot(method: str, judge: JudgeAt, engine: str = VIRTUAL_ROBOT) -> Judge:
@@ -95,12 +95,12 @@ def on_robot(method: str, judge: JudgeAt, engine: str = VIRTUAL_ROBOT) -> Judge:
         bench = ""
         conditions = {condition for other in e.methods() for condition in e.frictions(other, engine)}
         for condition in sorted(conditions, key=lambda one: (_load(one), one.level, one.law)):
-            found = judge(e, method, condition)
+            finding = judge(e, method, condition)
             if condition.law == BENCHED:
-                bench = f"; at the bench's value, {condition.level:g}: {found.outcome}, {found.evidence}"
+                bench = f"; at the bench's value, {condition.level:g}: {finding.outcome}, {finding.evidence}"
             load = _load(condition)
             base = (condition.law.partition(LOADED)[0], condition.level) if load else ("", 0.0)
-            axes.setdefault(base, []).append((load or condition.level, found))
+            axes.setdefault(base, []).append((load or condition.level, finding))
         together = together_over_axes([_named(base, over_levels(findings)) for base, findings in axes.items()])
         return Finding(together.outcome, together.evidence + bench)
 
@@ -112,13 +112,13 @@ def _load(condition: Condition) -> float:
     return float(condition.law.partition(LOADED)[2] or 0.0)
 
 
-def _named(base: tuple[str, float], found: Finding) -> Finding:
+def _named(base: tuple[str, float], finding: Finding) -> Finding:
     """Return the finding of an axis; that of a load says so, and what it is added to."""
     law, level = base
     if not law:
-        return found
+        return finding
     of = "the bench's value" if law == BENCHED else f"{level:g}"
-    return Finding(found.outcome, f"load beside {of}: {found.outcome}, {found.evidence}")
+    return Finding(finding.outcome, f"load beside {of}: {finding.outcome}, {finding.evidence}")
 
 
 def together_over_axes(findings: Sequence[Finding]) -> Finding:
@@ -140,13 +140,13 @@ def _counted(judge: Judge, *methods: str) -> Judge:
     """Say in the evidence at which frictions virtual robots are left out: not all of the methods walked on them."""
 
     def judge_counted(e: Evidence) -> Finding:
-        found = judge(e)
-        evidence = [found.evidence]
+        finding = judge(e)
+        evidence = [finding.evidence]
         for c in e.frictions(methods[-1], VIRTUAL_ROBOT):
             counted, left_out = e.robots(c, *methods)
             if left_out:
                 evidence.append(f"at {c.level:g} ({c.law}) robots counted: {len(counted)}, left out: {len(left_out)}")
-        return Finding(found.outcome, "; ".join(evidence))
+        return Finding(finding.outcome, "; ".join(evidence))
 
     return judge_counted
 
@@ -204,13 +204,13 @@ def jitters(than: str, *commands: str) -> JudgeAt:
     def judge(e: Evidence, method: str, c: Condition) -> Finding:
         (first, halted), (second, others) = (_jitter_of_walking(e, name, c, commands) for name in (method, than))
         allowed = Measurement({seed: JITTER * value for seed, value in second.items()})
-        found = larger((f"{method} [rad/s²]", Measurement(first)), (f"{JITTER:g} x {than}", allowed))
+        finding = larger((f"{method} [rad/s²]", Measurement(first)), (f"{JITTER:g} x {than}", allowed))
         reasons = [
             f"{name} stands or falls with seed {' '.join(map(str, seeds))}, which does not count"
             for name, seeds in ((method, halted), (than, others))
             if seeds
         ]
-        return Finding(found.outcome, "; ".join([found.evidence, *reasons]))
+        return Finding(finding.outcome, "; ".join([finding.evidence, *reasons]))
 
     return judge
 

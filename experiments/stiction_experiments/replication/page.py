@@ -152,7 +152,7 @@ NOTE = (
     "share of walks: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs of policy and "
     "robot: all policies share the robots, so it is too narrow for other robots. Every seed's number is in methods.csv."
 )
-"""What a reader of these tables must know."""
+"""Note for readers of these tables."""
 
 
 def engine_sheets(samples: Sequence[Sample]) -> list[Sheet]:
@@ -222,7 +222,7 @@ VERDICT_NOTE = (
     "numbers, whose letters say where they are from: E, the paper's comparison; V, its section on training with "
     "friction; T, what it concludes from its motors; X, explanations for what it saw."
 )
-"""What a reader of the verdicts must know."""
+"""Note for readers of the verdicts."""
 
 
 UNITS = {"joint_jitter": "rad/s²", "tracking_error": "m/s", "steps_climbed": "steps"}
@@ -310,7 +310,7 @@ REMEDY = (
     "on flat ground, and of `none` and `deception` over stairs. It has no policy of an Actuator Net for stairs: the "
     "sentence on that is judged only where such policies are given."
 )
-"""What to do about a single seed."""
+"""Remedy for a single seed."""
 
 
 def report(result: Replication) -> study.Report:
@@ -457,11 +457,11 @@ def single_and_several(result: Replication) -> tuple[list[str], list[str]]:
 def warnings(result: Replication) -> list[str]:
     """Return what a reader must know before the numbers."""
     failed: Mapping[str, str] = result.summary.get("failed", {})
-    found = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
+    sentences = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
     single, several = single_and_several(result)
     if single and several:
-        found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
-    found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
+        sentences.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
+    sentences += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
     if missing := [method for method in ("none", BEHIND_GEAR, "deception") if method not in result.methods]:
-        found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
-    return found
+        sentences.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
+    return sentences

@@ -1,4 +1,4 @@
-"""What the comparison consists of: grids, each answering one question, each with its own ledger."""
+"""Grids of the comparison, each answering one question, each with its own ledger."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PAPER_COEFFICIENT = 0.442
 """The paper's number [N m], read as a coefficient."""
 
 COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, PAPER_COEFFICIENT)
-"""Of the laws `load` and `effort`."""
+"""Coefficients of the laws `load` and `effort`."""
 
 OTHER_ENGINES = ("physx", "ode-webots")
 """Engines that are not the one of the training. Plain `ode` and `ode-webots` differ in their settings alone: `stiction
@@ -57,7 +57,7 @@ COMPARED = ("none", "direct", "deception")
 
 
 def conventional(contract: Contract) -> bool:
-    """Whether a policy is for flat ground and never met friction, so that some could be fed forward."""
+    """Return whether a policy is for flat ground and never met friction, so that some could be fed forward."""
     return contract.terrain == "flat" and method_of(contract) == "none"
 
 
@@ -68,16 +68,16 @@ class Part:
     name: str
     title: str
     grid: GridCfg
-    """What the policies are put through."""
+    """Grid of walks of the policies."""
     methods: tuple[str, ...] = ()
     """Training methods that walk in it; none: all."""
     stairs: bool = False
-    """Whether those walk that were trained on ground that is not flat, or those for flat ground."""
+    """True for policies trained on uneven ground, False for those of flat ground."""
     forward: bool = False
-    """Whether conventional policies also walk with friction fed forward."""
+    """True if conventional policies also walk with friction fed forward."""
 
     def takes(self, contract: Contract) -> bool:
-        """Whether a policy walks in it."""
+        """Return whether a policy walks in it."""
         by_ground = (contract.terrain != "flat") == self.stairs
         return by_ground and (not self.methods or method_of(contract) in self.methods)
 

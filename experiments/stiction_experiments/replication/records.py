@@ -26,7 +26,7 @@ CAUSES = ("physx+nominal", "physx+friction", "physx+rest")
 
 @dataclass(frozen=True)
 class EvidenceRow(MethodCell):
-    """What a criterion read of one column in one cell; a row of evidence.csv, with the seeds as in methods.csv."""
+    """Column of one cell as a criterion read it; a row of evidence.csv, with the seeds as in methods.csv."""
 
     claim: str
     """Sentence that was judged by it."""
@@ -35,7 +35,7 @@ class EvidenceRow(MethodCell):
     seeds: str
     """Training seeds, separated by blanks."""
     each: str
-    """What each of them reached, in the same order."""
+    """Value of each seed, in the same order."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class PartRecord:
     details: Sequence[dict[str, Any]]
     """Its rows with intervals of the rates, as in summary.json."""
     warnings: Sequence[str] = ()
-    """What could not be walked, and why: sentences."""
+    """Sentences on walks that failed, with the reason."""
 
     @property
     def rows(self) -> list[ResultRow]:
@@ -124,14 +124,14 @@ class Replication:
     following: Sequence[Following]
     verdicts: Sequence[Verdict]
     evidence: Sequence[EvidenceRow]
-    """What the verdicts were judged by."""
+    """Rows behind the verdicts."""
     methods: dict[str, str]
     """Training method -> what it is."""
     summary: dict[str, Any]
 
     @property
     def needs(self) -> tuple[Following, ...]:
-        """Which methods follow at frictions of a user's robot, by shares of the torque limit."""
+        """Return the methods that follow at frictions of a user's robot, by shares of the torque limit."""
         return tuple(one for one in self.following if one.friction_law in SHARES and one.engine not in CAUSES)
 
     @property
@@ -150,7 +150,7 @@ class Replication:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """What stands in summary.json."""
+        """Return the content of summary.json."""
         parts = {part.name: {"title": part.title, "rows": list(part.details)} for part in self.parts}
         verdicts = [asdict(verdict) for verdict in self.verdicts]
         return self.summary | {"ways": self.methods, "verdicts": verdicts, "parts": parts}

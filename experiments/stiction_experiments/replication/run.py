@@ -62,7 +62,7 @@ TOLD = (
     "of that robot's own bench, as by `stiction evaluate --known-friction bench`; on the robot of the data sheet, that "
     "of the walk. What a bench does not tell is the nominal one of training, and stands among the warnings."
 )
-"""What policies were told that observe their joints' friction; for the page."""
+"""Friction told to policies that observe their joints' friction; for the page."""
 
 
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
@@ -125,7 +125,7 @@ def replicate(
     records = _once(
         [walk_part(part, takes[part.name], out / part.name, jobs, progress) for part in parts if takes[part.name]]
     )
-    found = {
+    facts = {
         **(summary or {}),
         "dead_band": spec.dead_band,
         "grids": {record.name: _settings(by_name[record.name], record) for record in records},
@@ -133,7 +133,7 @@ def replicate(
         "seconds": time.perf_counter() - start,
         "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
     }
-    return judged(records, spec, found)
+    return judged(records, spec, facts)
 
 
 def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) -> Replication:
@@ -195,10 +195,10 @@ def check_methods(bundles: Sequence[Bundle]) -> None:
 def _check_settings(method: str, bundles: Sequence[Bundle]) -> None:
     """Raise `StictionError` where the settings of two trainings of a method differ. bundles: those that have them."""
     for other in bundles[1:]:
-        if found := difference(bundles[0].contract.settings, other.contract.settings):
+        if pair := difference(bundles[0].contract.settings, other.contract.settings):
             raise ConfigurationError(
-                f"{bundles[0].name} and {other.name} are both of the method {method!r}, trained with {found[0]} and "
-                f"with {found[1]}; expected seeds of one training: leave one of them out"
+                f"{bundles[0].name} and {other.name} are both of the method {method!r}, trained with {pair[0]} and "
+                f"with {pair[1]}; expected seeds of one training: leave one of them out"
             )
 
 
@@ -261,9 +261,9 @@ def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:
         raise FileError(
             f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
         ) from error
-    found = judged(records, find_robot(robot_in_file(robot, str(out / SUMMARY), "walk it again")), {})
-    summary = rejudged_summary(before, verdicts, found.verdicts, provenance, own=("ways", "warnings"))
-    return replace(found, summary=summary)
+    result = judged(records, find_robot(robot_in_file(robot, str(out / SUMMARY), "walk it again")), {})
+    summary = rejudged_summary(before, verdicts, result.verdicts, provenance, own=("ways", "warnings"))
+    return replace(result, summary=summary)
 
 
 def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:

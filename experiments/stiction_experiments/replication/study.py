@@ -194,17 +194,17 @@ def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[
     """Return the runs with an Actuator Net, and add to `failed` why one has no net: its f0 failed, or does not walk."""
     from stiction_experiments.replication.plan import ACTUATOR_RUNS, LOOP_SEEDS, actuator_run, first_policy
 
-    found = []
+    trainings = []
     for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS):
         first, name = first_policy(seed), actuator_run(runs, seed, side).name
         if first in failed:
             failed[name] = f"{first} failed, whose walk its Actuator Net is of"
             continue
         try:
-            found.append(actuator_run(known_net(runs, runs / first, side, jobs, progress), seed, side))
+            trainings.append(actuator_run(known_net(runs, runs / first, side, jobs, progress), seed, side))
         except StictionError as error:
             failed[name] = str(error)
-    return found
+    return trainings
 
 
 def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:

@@ -30,7 +30,7 @@ ENOUGH = 0.8
 
 @dataclass(frozen=True)
 class Climb:
-    """What a policy reached at one height and level."""
+    """Result of a policy at one height and level."""
 
     policy: str = field(metadata=column("policy"))
     friction_level: float = field(metadata=column("friction", "of τ_max", lambda level: f"{100 * level:g} %"))

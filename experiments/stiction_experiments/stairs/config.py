@@ -1,4 +1,4 @@
-"""What a policy is put through on stairs. Neither torch nor mujoco: the command line reads it."""
+"""Settings of the climbs. Neither torch nor mujoco: the command line reads it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stiction.task.config import NoiseCfg
 
 @dataclass(frozen=True)
 class ClimbCfg:
-    """What a policy is put through."""
+    """Settings of the climbs."""
 
     step_heights: tuple[float, ...] = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
     """Heights of a step [m]."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `settings` and `policies`."""
-    figure, found = draw_stairs(rows), answers(rows)
+    figure, sentences = draw_stairs(rows), answers(rows)
     ends = [wilson(row.successes, row.trials) for row in rows]
     lines = [
         [*records.texts(row), f"{100 * low:.0f} to {100 * high:.0f}"]
@@ -45,7 +45,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; {counted}."
     return Report(
         title="Stairs, climbed blind",
-        lead="\n".join(found),
+        lead="\n".join(sentences),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (figure_block(figure, caption),)),
@@ -57,7 +57,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
         figures={"stairs": figure},
-        answer=found,
+        answer=sentences,
     )
 
 
@@ -71,10 +71,10 @@ WHAT = (
 
 def answers(rows: Sequence[Climb]) -> list[str]:
     """Return the greatest height that enough trials climb, a sentence for each policy."""
-    found: dict[str, list[str]] = {}
+    heights_by_policy: dict[str, list[str]] = {}
     for mine in _by_policy(rows).values():
-        found.setdefault(mine[0].policy, []).append(f"{_height(mine)} {_friction(mine[0].friction_level)}")
-    return [f"{policy} climbs {', and '.join(heights)}." for policy, heights in found.items()]
+        heights_by_policy.setdefault(mine[0].policy, []).append(f"{_height(mine)} {_friction(mine[0].friction_level)}")
+    return [f"{policy} climbs {', and '.join(heights)}." for policy, heights in heights_by_policy.items()]
 
 
 def _height(rows: Sequence[Climb]) -> str:
@@ -110,7 +110,7 @@ def draw_stairs(rows: Sequence[Climb]) -> Figure:
 
 def _by_policy(rows: Sequence[Climb]) -> dict[str, list[Climb]]:
     """Return the rows of each policy and level by its name, from low steps to high."""
-    found: dict[str, list[Climb]] = {}
+    by_policy: dict[str, list[Climb]] = {}
     for row in rows:
-        found.setdefault(f"{row.policy} {_friction(row.friction_level)}", []).append(row)
-    return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in found.items()}
+        by_policy.setdefault(f"{row.policy} {_friction(row.friction_level)}", []).append(row)
+    return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in by_policy.items()}

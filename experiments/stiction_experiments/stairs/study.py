@@ -25,7 +25,7 @@ class StairsOptions(RedrawnOptions):
     bundles: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones."""
     config: Annotated[ClimbCfg, FLAT] = field(default_factory=ClimbCfg)
-    """What the policies are put through."""
+    """Settings of the climbs."""
     out: Path = Path("stiction-stairs")
     """Directory for stairs.csv, summary.json, stairs.png and report.html."""
 
@@ -37,8 +37,8 @@ def run(options: StairsOptions, work: Work) -> Report:
     from stiction_experiments.stairs.page import report
 
     if options.judge_again:
-        found = recorded(options.out, work, ("settings", "policies"))
-        return report(read_rows(options.out / "stairs.csv", Climb), found)
+        earlier = recorded(options.out, work, ("settings", "policies"))
+        return report(read_rows(options.out / "stairs.csv", Climb), earlier)
     if not options.bundles:
         raise UsageError("no bundle given")
     bundles, rows = work.bundles(options.bundles), []

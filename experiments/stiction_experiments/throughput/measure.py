@@ -187,7 +187,7 @@ CELL = 0.02
 """Cell of the height fields along x [m]: a riser leans by this much over its height."""
 
 GROUNDS = ("plane", "boxes", "height field, wide cells", "height field, square cells")
-"""What is measured; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
+"""Measured grounds; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
 
 
 def ground_model(spec: Robot, ground: str) -> mujoco.MjModel:
@@ -264,7 +264,7 @@ PHYSICS = {
     "plastic, Newton": PhysicsCfg("plastic", solver="newton"),
     "plastic": FAST,
 }
-"""What is compared, the physics of every evaluation first."""
+"""Compared physics, that of every evaluation first."""
 
 
 class Meter:
@@ -331,25 +331,25 @@ def measure_parts(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = Non
             name: watched_runner(replace(cfg, task=replace(cfg.task, physics=option)), folder, actuator)
             for name, option in PHYSICS.items()
         }
-        found: dict[str, dict[str, list[float]]] = {name: {} for name in runners}
+        seconds_by_runner: dict[str, dict[str, list[float]]] = {name: {} for name in runners}
         for block in range(blocks + 1):
             for name, (runner, meter) in runners.items():
                 runner.iterate()
                 for part, seconds in meter.take().items():
                     if block:  # the first warms up
-                        found[name].setdefault(part, []).append(seconds)
-    return found
+                        seconds_by_runner[name].setdefault(part, []).append(seconds)
+    return seconds_by_runner
 
 
-def parts_summary(found: Mapping[str, Mapping[str, list[float]]]) -> dict[str, dict[str, float]]:
+def parts_summary(measured: Mapping[str, Mapping[str, list[float]]]) -> dict[str, dict[str, float]]:
     """Return the medians over the blocks, and ratios of paired blocks.
 
     `rollout_over_bare`, `iteration_over_bare`: what bare physics of the same kind takes, over what the rollout without
     its inference and the whole iteration take; `speedup`: the first physics' iteration over this one's.
     """
     summary = {}
-    first = np.array(next(iter(found.values()))["iteration"])
-    for name, parts in found.items():
+    first = np.array(next(iter(measured.values()))["iteration"])
+    for name, parts in measured.items():
         bare, task, whole = (np.array(parts[part]) for part in ("physics", "task", "iteration"))
         ratios = {
             "rollout_over_bare": bare / (bare + task),

@@ -39,7 +39,7 @@ class Bench:
     """Options of `stiction bench`."""
 
     preset: PresetName = "quick"
-    """What is trained, as `stiction train` has it: one phase, or of two phases the teacher's."""
+    """Preset, as in `stiction train`: one phase, or the teacher's of two phases."""
     method: Literal["none", "direct", "deception"] = "deception"
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = field(default=0.2, metadata=needs("--method direct or deception"))
@@ -48,14 +48,14 @@ class Bench:
     robot: str = "saturn_lite"
     """The robot to measure with."""
     terrain: TerrainName = "flat"
-    """What the robots stand on: elevation map and courses cost the task time."""
+    """Terrain; elevation map and courses take more time than flat ground."""
     actuator: Path | None = None
     """A folder of `stiction train-actuator`: its net gives the torque in the task. With one of output-side torque, use
     --method none."""
     num_envs: int = 512
     """Robots side by side."""
     device: DeviceName = "cpu"
-    """What computes, as in `stiction train`."""
+    """Compute device, as in `stiction train`."""
     blocks: int = 8
     """Paired blocks; the figures are medians over them."""
     ground: bool = field(
@@ -138,13 +138,13 @@ def _measure_ground(options: Bench) -> int:
     from stiction_experiments.throughput.measure import measure_grounds
 
     origin = Origin.now()
-    found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
+    measured = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
     if options.json:
-        print(json.dumps(found | origin.provenance))
+        print(json.dumps(measured | origin.provenance))
         return 0
-    for name, ratio in found["over_plane"].items():
-        low, high = found["spread"][name]
-        rate = found["control_steps_per_second"][name]
+    for name, ratio in measured["over_plane"].items():
+        low, high = measured["spread"][name]
+        rate = measured["control_steps_per_second"][name]
         print(f"{name:<28}{rate:>8.0f} control steps/s   {ratio:.2f} of the plane's ({low:.2f} to {high:.2f})")
     return 0
 

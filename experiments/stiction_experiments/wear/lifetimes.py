@@ -36,7 +36,7 @@ End = Literal["alive", "too slow", "too fast", "fell", "too slow from the start"
 there was none: no window follows, and the first was so."""
 
 NEVER = " from the start"
-"""What ends the name of an end where no window follows."""
+"""Suffix of the name of an end that no window follows."""
 
 Notice = Literal["before", "after", "at once", "never"]
 """When a monitor noticed: before the lifetime ended, after that, at its first reading, when nothing had worn yet, or
@@ -55,7 +55,7 @@ def ratio_text(ratio: float) -> str:
 
 @dataclass(frozen=True)
 class Walk:
-    """Which walk a row is about."""
+    """Identity of the walk of a row."""
 
     policy: str = field(metadata=column("policy"))
     friction_level: str = field(metadata=column("level", "of τ_max"))
@@ -64,7 +64,7 @@ class Walk:
     steady: float | None
     """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
     command: str = field(default="", kw_only=True, metadata={**column("command"), "later": True})
-    """What was commanded: `vx=0.5`; of a robot all commands, after each other. Files of before do not say it."""
+    """Command: `vx=0.5`; of a robot all commands, after each other. Older files do not have it."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,12 @@ class Reading(Walk):
     high: float | None
     """Upper end [-]."""
     unusual: bool
-    """Whether the monitor found the walk unlike those that it was fitted on."""
+    """True if the walk is unlike those that the monitor was fitted on."""
 
 
 @dataclass(frozen=True)
 class Lifetime(Walk):
-    """What became of one robot; a row of lives.csv."""
+    """Lifetime of one robot; a row of lives.csv."""
 
     method: str
     engine: str
@@ -130,7 +130,7 @@ class Lifetime(Walk):
 
 
 SIGNALS = ("unusual", "grown")
-"""What a monitor can notice: fields of `Lifetime`."""
+"""Signals of a monitor: fields of `Lifetime`."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def first_grown(readings: Sequence[Reading]) -> Reading | None:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was seen of one walk."""
+    """Observations of one walk."""
 
     windows: Sequence[Window]
     readings: Sequence[Reading]
@@ -181,13 +181,13 @@ class Seen:
 
 
 def first_notice(
-    walks: Sequence[Seen], found: Sequence[Reading | None], ended: Ending
+    walks: Sequence[Seen], notices: Sequence[Reading | None], ended: Ending
 ) -> tuple[Reading | None, Notice]:
     """Return the first of the readings in which something was noticed, one of each walk or None, and when it came.
 
     At the first reading of a walk nothing has worn yet, so that it is no notice of wear.
     """
-    seen = min((one for one in found if one is not None), key=lambda one: one.time, default=None)
+    seen = min((one for one in notices if one is not None), key=lambda one: one.time, default=None)
     if seen is None:
         return None, "never"
     if any(seen is walk.readings[0] for walk in walks if walk.readings):
@@ -245,15 +245,15 @@ def judge_again(
         for row in rows:
             of_robot = seen.setdefault(tuple(getattr(row, name) for name in names), {})
             of_robot.setdefault(row.command, ([], []))[at].append(row)  # type: ignore[arg-type]
-    found = []
+    lifetimes = []
     for old in before:
         own = seen.get(tuple(old[name] for name in names), {})
         fell = (old["time"], old["factor"]) if old["end"] == "fell" else None
         what = {name: old[name] for name in (*names, "method", "engine", "command")}
         # A walk that fell before its first window has no row. Which of them fell makes no difference.
         walks = [Seen(*own.get(command, ([], [])), fell) for command in old["command"].split()]
-        found.append(judge_robot(what, walks, old["monitored"]))
-    return found
+        lifetimes.append(judge_robot(what, walks, old["monitored"]))
+    return lifetimes
 
 
 def groups(lifetimes: Sequence[Lifetime]) -> list[dict[str, Any]]:
@@ -265,7 +265,7 @@ def groups(lifetimes: Sequence[Lifetime]) -> list[dict[str, Any]]:
     within the wear that was tried: the mean of those that did would be too short. The median is None where the middle
     one did not. The interval is over virtual robots that walk with this policy, and not over other trainings.
     """
-    found = []
+    summaries = []
     for (policy, level), same in groupby(lifetimes, key=lambda one: (one.policy, one.friction_level)):
         walks = list(same)
         rows = [row for row in walks if row.steady is None]
@@ -273,7 +273,7 @@ def groups(lifetimes: Sequence[Lifetime]) -> list[dict[str, Any]]:
         whole = len(ended) == len(rows)
         interval = t_interval([log(factor) for factor in ended]) if whole else None
         held = [row.held for row in rows if row.held is not None]
-        found.append(
+        summaries.append(
             {
                 "policy": policy,
                 "friction_level": level,
@@ -293,7 +293,7 @@ def groups(lifetimes: Sequence[Lifetime]) -> list[dict[str, Any]]:
                 ],
             }
         )
-    return found
+    return summaries
 
 
 def _geometric_mean(factors: Sequence[float]) -> float | None:
@@ -340,7 +340,7 @@ def over_seeds(
 
     methods: policy -> training method, as from `methods_of`; tried: least and greatest wear.
     """
-    found = []
+    summaries = []
     cells: dict[tuple[str, str], dict[str, list[Lifetime]]] = {}
     for row in lifetimes:
         if row.steady is None:
@@ -354,7 +354,7 @@ def over_seeds(
         means = [log(one["mean"]) for one in each.values()]
         middle, interval = exp(float(np.mean(means))), t_interval(means)
         whole = not above and not below
-        found.append(
+        summaries.append(
             {
                 "way": method,
                 "friction_level": level,
@@ -365,7 +365,7 @@ def over_seeds(
                 "at_most": middle if below and not above else None,
             }
         )
-    return found
+    return summaries
 
 
 def _policy_mean(rows: Sequence[Lifetime], tried: tuple[float, float]) -> dict[str, Any]:
@@ -416,7 +416,7 @@ def monitor_readings(
     share = case.robot(draw(spec, case.seed)).friction.share
     own = case.level.coulomb(spec) * share / spec.joint_values("torque_limit")
     joint = int(np.argmax(worn)) if worn.sum() == 1 else None
-    monitor, first, found = WearMonitor(bundle.contract, bundle.wear), round(settle / period), []
+    monitor, first, readings = WearMonitor(bundle.contract, bundle.wear), round(settle / period), []
     for steps, step in enumerate(trial.steps[first:], first + 1):
         estimate = monitor.step(step.policy.observation)
         if estimate is None:
@@ -434,9 +434,9 @@ def monitor_readings(
             name: value if np.isfinite(value) else None
             for name, value in zip(("estimate", "low", "high"), values, strict=True)
         }
-        found.append(
+        readings.append(
             {"target": target, "time": time, "factor": factor, "true": float(true)}
             | known
             | {"unusual": estimate.unusual}
         )
-    return found
+    return readings

@@ -219,15 +219,15 @@ def lead(groups: Sequence[dict[str, Any]], settings: dict[str, Any]) -> str:
     lives: dict[str, list[str]] = {}
     for one in groups:
         lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_lifetime_text(one)}")
-    said = [
+    lines = [
         f"While dry friction grows from {friction_of(level, wear['start'])} to {friction_of(level, wear['end'])} "
         f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
         for level, own in lives.items()
     ]
     along = [one for one in commands if one.startswith("vx=")]
     if len({one.startswith("vx=-") for one in along}) == 1:
-        said.append(f"They walked one way alone, {' and '.join(along)}: whether they follow both ways is not known.")
-    return " ".join(said)
+        lines.append(f"They walked one way alone, {' and '.join(along)}: whether they follow both ways is not known.")
+    return " ".join(lines)
 
 
 def friction_of(level: str, factor: float | None) -> str:
@@ -263,18 +263,18 @@ def answers(groups: Sequence[dict[str, Any]], methods: Sequence[dict[str, Any]] 
     ]
 
 
-def _mean(found: dict[str, Any]) -> str:
+def _mean(group: dict[str, Any]) -> str:
     """Return the mean wear at which lifetimes end with its interval, or a bound of it."""
     for name, sign in (("mean", ""), ("at_least", "≥ "), ("at_most", "≤ ")):
-        if found.get(name) is not None:
-            spread = f" ({_span(found['interval95'])})" if found["interval95"] else ""
-            return f"lifetimes end at {sign}{factor_text(found[name])}{spread}"
+        if group.get(name) is not None:
+            spread = f" ({_span(group['interval95'])})" if group["interval95"] else ""
+            return f"lifetimes end at {sign}{factor_text(group[name])}{spread}"
     return "no mean wear at the end"
 
 
-def _counts(found: dict[str, int]) -> str:
+def _counts(counts: dict[str, int]) -> str:
     """Return how often each thing came: `2 too slow, 1 fell`."""
-    return ", ".join(f"{number} {what}" for what, number in found.items())
+    return ", ".join(f"{number} {what}" for what, number in counts.items())
 
 
 def _span(interval: Sequence[float] | None) -> str:

@@ -37,14 +37,14 @@ WEARING = (*WALK_CODE, "files/wear.py", "stiction_experiments:wear/run.py", "sti
 
 @dataclass(frozen=True)
 class WearCfg:
-    """What every policy is put through; fields as of `WearOptions`."""
+    """Settings of every policy's walks; fields as of `WearOptions`."""
 
     engine: str = "physx"
     levels: tuple[str, ...] = ("0.1",)
     cell: str = "all"
     robots: tuple[int, ...] = reported(5)
     wear: Wear = field(default_factory=lambda: Wear(seconds=120.0))
-    """Which joints wear, how far, and in which time. The robot then walks on for a window, so that one is all at the
+    """Worn joints, largest wear, and time to reach it. The robot then walks on for a window, so that one is all at the
     greatest wear."""
     control: bool = True
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
@@ -95,7 +95,7 @@ class WearWalk:
     steady: float | None
     """Wear at which its friction stays [1]; None: it grows."""
     command: str
-    """What is commanded, one of the labels."""
+    """Command, one of the labels."""
     cfg: WearCfg
     out: Path
     """Folder for the files of walks."""
@@ -168,9 +168,9 @@ def untrained_notes(bundles: Sequence[Bundle], cfg: WearCfg) -> list[str]:
     """Return a sentence for each policy that is given commands beyond those that it was trained for."""
     commands = [parse_command(label) for label in cfg.labels]
     return [
-        f"{bundle.name}: {said}; its lifetime under that is of what nobody trained"
+        f"{bundle.name}: {note}; its lifetime under that is of what nobody trained"
         for bundle in bundles
-        if (said := untrained(commands, bundle.contract))
+        if (note := untrained(commands, bundle.contract))
     ]
 
 

@@ -39,7 +39,7 @@ class WearOptions(ParallelOptions, RedrawnOptions):
     joint: str | None = None
     """The joint (FL_shank) or the kind of joints (shank) that wears; by default all do. The others stay at x1."""
     cell: str = "all"
-    """What is real about the robots: all, friction, or groups such as friction+delays."""
+    """Real effects of the robots: all, friction, or groups such as friction+delays."""
     start: float = 0.3
     """Wear at the beginning [1]."""
     end: float = 3.0

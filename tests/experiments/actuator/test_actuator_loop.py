@@ -101,15 +101,15 @@ def test_a_mistake_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureF
     out = tmp_path / "study"
     assert main(["study", "actuator", "--policy", str(tmp_path / "typo"), "--out", str(out), *TINY]) == 1
     assert "does not exist" in capsys.readouterr().err and not out.exists()
-    given = ["--policy", str(find_bundle(Path("saturn_lite-flat-none-0.2")))]
-    assert main(["study", "actuator", *given, "--robot", "go1", "--out", str(out), *TINY]) == 1
+    policy = ["--policy", str(find_bundle(Path("saturn_lite-flat-none-0.2")))]
+    assert main(["study", "actuator", *policy, "--robot", "go1", "--out", str(out), *TINY]) == 1
     assert "is for saturn_lite" in capsys.readouterr().err and not out.exists()
     (tmp_path / "file").write_text("")
-    assert main(["study", "actuator", *given, "--out", str(tmp_path / "file" / "study"), *TINY]) == 1
+    assert main(["study", "actuator", *policy, "--out", str(tmp_path / "file" / "study"), *TINY]) == 1
     assert "choose another --out" in capsys.readouterr().err
     out.mkdir()
     (out / "study.json").write_text("{}")
-    assert main(["study", "actuator", *given, "--out", str(out), *TINY]) == 1
+    assert main(["study", "actuator", *policy, "--out", str(out), *TINY]) == 1
     assert "is not what this study writes" in capsys.readouterr().err
 
 

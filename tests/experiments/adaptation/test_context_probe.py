@@ -1,4 +1,4 @@
-"""What a policy without z* knows is probed too: DreamWaQ's code, and the estimates of one without a latent."""
+"""Probes of policies without z*: DreamWaQ's code, and the estimates of one without a latent."""
 
 from dataclasses import replace
 from pathlib import Path

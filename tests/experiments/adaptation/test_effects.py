@@ -22,14 +22,14 @@ from synthetic import place, write_run
 
 @dataclass(frozen=True)
 class Walked:
-    """What `per_episode` reads of an evaluation."""
+    """Evaluation as `per_episode` reads it."""
 
     episodes: list
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What it reads of an episode."""
+    """Episode as `per_episode` reads it."""
 
     speed_ratio: float
 

@@ -37,18 +37,18 @@ def make_walk(seed: int, per: str = "joint", noise: float = 0.2) -> FrictionWalk
 
 def test_a_latent_that_encodes_friction_is_found_and_shuffled_labels_are_not() -> None:
     """Averaged over the walk the noise is 0.02 of a spread of 0.07: R² near 1; at one step 1/9; by chance, near 0."""
-    found = {
+    scores = {
         (one["input"], one["row"], one["shuffled"]): one
         for one in probe_walk(make_walk(1), lambda before, now: before * now, "joint")
     }
-    assert found["latent", "walk", False]["mean"] == pytest.approx(0.93, abs=0.04)
-    assert found["latent", "walk", False]["interval95"][0] > 0.85
-    assert 0.02 < found["latent", "step", False]["mean"] < 0.25
-    assert found["teacher", "walk", False]["mean"] > 0.99
-    assert abs(found["latent", "walk", True]["mean"]) < 0.15
-    assert found["latent", "walk", True]["interval95"][0] < 0 < found["latent", "walk", True]["interval95"][1] + 0.1
-    assert found["explicit", "walk", False]["mean"] < 0.1
-    short, long = (found[f"history {length}", "step", False]["mean"] for length in (11, 51))
+    assert scores["latent", "walk", False]["mean"] == pytest.approx(0.93, abs=0.04)
+    assert scores["latent", "walk", False]["interval95"][0] > 0.85
+    assert 0.02 < scores["latent", "step", False]["mean"] < 0.25
+    assert scores["teacher", "walk", False]["mean"] > 0.99
+    assert abs(scores["latent", "walk", True]["mean"]) < 0.15
+    assert scores["latent", "walk", True]["interval95"][0] < 0 < scores["latent", "walk", True]["interval95"][1] + 0.1
+    assert scores["explicit", "walk", False]["mean"] < 0.1
+    short, long = (scores[f"history {length}", "step", False]["mean"] for length in (11, 51))
     assert 0.2 < short < long
 
 
@@ -82,8 +82,8 @@ def test_the_monitors_intervals_hold_on_robots_it_never_met() -> None:
     for seed in (5, 6):
         other = make_walk(seed, "joint")
         means = windows(other.frames[1:], 50)
-        said = (means - np.array(model.center)) / np.array(model.scale) @ np.array(model.weights)
-        error = np.abs(said[..., :JOINTS] + np.array(model.intercept)[:JOINTS] - other.friction)
+        estimates = (means - np.array(model.center)) / np.array(model.scale) @ np.array(model.weights)
+        error = np.abs(estimates[..., :JOINTS] + np.array(model.intercept)[:JOINTS] - other.friction)
         held.append(error <= np.array(model.reach)[:JOINTS])
         errors.append(error)
     assert np.mean(held) == pytest.approx(0.95, abs=0.03)

@@ -36,10 +36,10 @@ def test_the_answer_is_counted() -> None:
 def test_the_page_has_every_joint_and_the_next_step(tmp_path: Path) -> None:
     """Refused joints stand there as such."""
     steps = {"one": "stiction train --friction-from one/training.json", "two": "nothing to train for"}
-    found = report(ROWS, steps, {"seconds": 3.0, "failed": {}})
-    assert found.further == ["next: stiction train --friction-from one/training.json", "two: nothing to train for"]
-    assert found.summary["scores"]["robots"]["two"]["identified"] == 1
-    write_report(tmp_path, found, MADE)
+    result = report(ROWS, steps, {"seconds": 3.0, "failed": {}})
+    assert result.further == ["next: stiction train --friction-from one/training.json", "two: nothing to train for"]
+    assert result.summary["scores"]["robots"]["two"]["identified"] == 1
+    write_report(tmp_path, result, MADE)
     page = (tmp_path / "report.html").read_text()
     for text in (
         "FR_hip",

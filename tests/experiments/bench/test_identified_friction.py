@@ -34,14 +34,14 @@ def test_friction_is_judged_in_the_unit_of_the_log() -> None:
 def test_a_score_counts_and_names_the_worst() -> None:
     """Errors +1, −5 and +10 %: the median is 5 %, the worst +10 % of joint c; d was refused."""
     rows = [row("a", 2.02), row("b", 1.9), row("c", 2.2), row("d", None)]
-    found = score(rows)
-    assert (found.joints, found.identified, found.held, found.held_friction) == (4, 3, 2, 2)
-    assert found.median_error == pytest.approx(0.05) and found.worst_error == pytest.approx(0.1)
-    assert found.worst_joint == "r c"
+    total = score(rows)
+    assert (total.joints, total.identified, total.held, total.held_friction) == (4, 3, 2, 2)
+    assert total.median_error == pytest.approx(0.05) and total.worst_error == pytest.approx(0.1)
+    assert total.worst_joint == "r c"
 
 
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
-    """What an interrupted study had done must mean the same afterwards: a level is text, an empty cell is None."""
+    """Rows keep their types: a level is text, an empty cell is None; other files and numbers are rejected."""
     rows = [row("a", 2.02), row("b", None, strength=0.97)]
     write_rows(tmp_path / "bench.csv", rows)
     assert read_rows(tmp_path / "bench.csv", IdentifiedFriction) == rows

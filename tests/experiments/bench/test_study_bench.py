@@ -47,8 +47,8 @@ def test_it_writes_the_robots_folders_and_the_page_of_truths(out: Path) -> None:
     joints = load_joints(out / ROBOT / "joints.json")
     assert [row["joint"] for row in rows] == list(joints.joints) and len(rows) == 6
     for row in rows:
-        found = joints.joints[row["joint"]].coulomb_friction
-        assert found is None or float(row["identified"]) == pytest.approx(found.value)
+        estimate = joints.joints[row["joint"]].coulomb_friction
+        assert estimate is None or float(row["identified"]) == pytest.approx(estimate.value)
         assert float(row["friction"]) > 0.0 and float(row["strength"]) != 1.0
     page = (out / "report.html").read_text()
     assert ROBOT in page and "a perfect log would show" in page and "FL_hip" in page

@@ -44,7 +44,7 @@ def test_a_level_is_a_torque_or_a_coefficient() -> None:
     assert friction.tolist() == [[0.0, 0.0]] * 2 and load is not None and load.tolist() == [[0.1, 0.1], [0.2, 0.2]]
 
 
-def torques(still: Bundle, law: str, given: float, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+def torques(still: Bundle, law: str, torque: float, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
     """Return what is fed at fast joints whose gains ask for a torque [N m], of the robots of both levels, (2, J)."""
     made: list[Any] = []
 
@@ -55,7 +55,7 @@ def torques(still: Bundle, law: str, given: float, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(walking, "evaluate_bundle", evaluate)
     walk_by(still, replace(CFG, friction_law=law), MEASURED, 1)
     at = np.zeros((2, 18))
-    return made[0].torque(at, at, at + 3.0, given)
+    return made[0].torque(at, at, at + 3.0, torque)
 
 
 def test_friction_that_grows_with_load_is_fed_by_the_torque_of_the_motor(
@@ -65,8 +65,8 @@ def test_friction_that_grows_with_load_is_fed_by_the_torque_of_the_motor(
 
     Of Coulomb friction 0.75 of 20 % of 25 and 45 N m, 3.75 and 6.75 N m, whatever the motor does.
     """
-    for given in (20.0, -20.0):
-        np.testing.assert_allclose(torques(still, "effort", given, monkeypatch), [[1.5] * 18, [3.0] * 18])
+    for torque in (20.0, -20.0):
+        np.testing.assert_allclose(torques(still, "effort", torque, monkeypatch), [[1.5] * 18, [3.0] * 18])
     np.testing.assert_array_equal(torques(still, "effort", 0.0, monkeypatch), np.zeros((2, 18)))
     np.testing.assert_allclose(torques(still, "coulomb", 20.0, monkeypatch)[1], (3.75, 3.75, 6.75) * 6)
 
@@ -77,15 +77,15 @@ def test_a_policy_walks_as_stiction_evaluate_walks_it(still: Bundle, tmp_path: P
     cfg = replace(CFG, friction_law=law, friction_levels=(0.2,), episodes=2)
     grid = GridCfg(cfg, forward=("still",), forward_by=("measured",))
     walked = combine(walk_unit(still, Unit(tuple(forward_walks([still], grid, tmp_path))), grid))
-    (found,) = walk_by(still, cfg, MEASURED, 1)["rows"]
+    (row,) = walk_by(still, cfg, MEASURED, 1)["rows"]
     (alone,) = walk_by(still, cfg, None, 1)["rows"]
-    assert (found["policy"], found["friction_law"]) == ("still+measured", law)
-    assert found["speed_ratio"] == pytest.approx(walked.speed_ratio, rel=1e-9)
-    assert found["speed_ratio"] != pytest.approx(alone["speed_ratio"], rel=1e-3)
+    assert (row["policy"], row["friction_law"]) == ("still+measured", law)
+    assert row["speed_ratio"] == pytest.approx(walked.speed_ratio, rel=1e-9)
+    assert row["speed_ratio"] != pytest.approx(alone["speed_ratio"], rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["effort"], "fed forward by error error=0.5 error=0.7 error=1.3 error=1.5 under the law effort: "),
         (["load", "--ways", "reference"], "fed forward by reference under the law load: "),
@@ -93,10 +93,10 @@ def test_a_policy_walks_as_stiction_evaluate_walks_it(still: Bundle, tmp_path: P
     ],
 )
 def test_a_law_that_a_way_cannot_feed_is_refused_in_one_line(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """Fed as a torque, a coefficient would be a friction of 0.2 N m."""
     out = tmp_path / "out"
     assert main(["study", "compensation", "no-such-bundle", "--friction-law", *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().err
-    assert said in printed and printed.count("\n") == 1 and not out.exists()
+    assert message in printed and printed.count("\n") == 1 and not out.exists()

@@ -1,4 +1,4 @@
-"""What counts as hunting, and who follows with friction fed forward."""
+"""Hunting at standstill, and following with friction fed forward."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_torque_at_rest_holds_the_robot_and_does_not_swing() -> None:
 
 
 def test_the_first_sentence_says_whether_it_is_enough() -> None:
-    """The title asks it: if this failed, a reader would have to count frictions and ways himself."""
+    """Answers the title in the first sentence."""
     rows = [
         Followed("p", 0.0, 1.0, 1.0, "follows", 0.0, None),
         Followed("p", 0.2, 0.5, 0.5, "too slow", 0.0, None),
@@ -59,6 +59,6 @@ def test_both_directions_decide_who_follows() -> None:
         row("a-s0", 0.2, "stand", None, joint_jitter=7.0),
         row("b-s0", 0.2, "vx=0.5", 0.9),
     ]
-    (found,) = followed(rows)
-    assert (found.policy, found.forward, found.backward, found.jitter) == ("a-s0", 0.9, 0.7, 7.0)
-    assert found.follows == "follows, too slow" and found.fall_rate == pytest.approx(0.25)
+    (walk,) = followed(rows)
+    assert (walk.policy, walk.forward, walk.backward, walk.jitter) == ("a-s0", 0.9, 0.7, 7.0)
+    assert walk.follows == "follows, too slow" and walk.fall_rate == pytest.approx(0.25)

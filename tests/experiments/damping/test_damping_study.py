@@ -62,22 +62,22 @@ def test_a_sampled_controllers_difference_is_in_proportion_to_its_period(rows: l
 
 def test_a_net_needs_the_viscous_friction_of_its_side() -> None:
     """Motor side beside the joint's own B, output side beside none: these two move like the joint, no other does."""
-    found = {(row.log, row.simulated): row for row in net_rows("saturn_lite", SHORT) if row.friction_level == 0.0}
+    rows = {(row.log, row.simulated): row for row in net_rows("saturn_lite", SHORT) if row.friction_level == 0.0}
     right = {("motor_side", "own"), ("output_side", "dropped")}
-    assert {key for key, row in found.items() if row.position_difference < 1e-9} == right
-    assert {key for key, row in found.items() if abs(row.total - row.true_total) < 1e-9} == right
-    assert found["output_side", "own"].total == pytest.approx(2.5 + 2 * 0.0704)
+    assert {key for key, row in rows.items() if row.position_difference < 1e-9} == right
+    assert {key for key, row in rows.items() if abs(row.total - row.true_total) < 1e-9} == right
+    assert rows["output_side", "own"].total == pytest.approx(2.5 + 2 * 0.0704)
 
 
 def test_drawing_both_is_drawing_one() -> None:
     """The same sums make the same joints, where the equation holds; B alone makes hardly any difference."""
-    found = {(row.situation, row.drawn): row for row in draw_rows("saturn_lite", SHORT)}
-    alone = found["free", "kd alone, same sums"]
+    rows = {(row.situation, row.drawn): row for row in draw_rows("saturn_lite", SHORT)}
+    alone = rows["free", "kd alone, same sums"]
     assert alone.pair_difference is not None and alone.pair_difference < 1e-12
-    assert alone.spread == pytest.approx(found["free", "B and kd"].spread)
-    assert found["free", "B alone"].pair_difference is None
-    assert found["free", "B alone"].spread < 0.1 * alone.spread
-    assert found["torque limit", "kd alone, same sums"].pair_difference > 1e-6
+    assert alone.spread == pytest.approx(rows["free", "B and kd"].spread)
+    assert rows["free", "B alone"].pair_difference is None
+    assert rows["free", "B alone"].spread < 0.1 * alone.spread
+    assert rows["torque limit", "kd alone, same sums"].pair_difference > 1e-6
 
 
 @pytest.mark.parametrize("change", [{"step": 0.0}, {"draws": 1}, {"seconds": 0.1}])

@@ -91,7 +91,7 @@ def test_what_a_policy_feeds_forward_it_feeds_here_too(bundle: Bundle) -> None:
 
 
 def test_the_disturber_of_a_duel_learns(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If it did not, its gain would be that of a first guess, and every policy would look as if it withstood it.
+    """Learns beyond its first guess.
 
     Where a forward push costs and a backward one saves, and each step is all that it has, it pushes forward at last.
     """
@@ -108,17 +108,14 @@ def test_the_disturber_of_a_duel_learns(bundle: Bundle, monkeypatch: pytest.Monk
 
 
 def test_joints_are_those_of_the_bundle(bundle: Bundle) -> None:
-    """A bench found other inertia and viscous friction than the data sheet has, and training drew about those.
-
-    If this failed, the policy would walk on a robot that it was not trained for. Draws are within 0.8 to 1.2.
-    """
+    """The robots have the bundle's inertia and viscous friction, not the data sheet's, times draws from 0.8 to 1.2."""
     contract = bundle.contract
     identified = {name: tuple((3.0 * contract.array(name)).tolist()) for name in ("armature", "damping")}
-    found = replace(contract, joints_file={"name": "joints.json", "sha256": "0" * 64}, **identified)
+    measured = replace(contract, joints_file={"name": "joints.json", "sha256": "0" * 64}, **identified)
     for stream in ("learning", "judging"):
-        fleet = Duel(replace(bundle, contract=found), SMALL, 0, stream, 1, None).env.fleet
+        fleet = Duel(replace(bundle, contract=measured), SMALL, 0, stream, 1, None).env.fleet
         for name in ("armature", "damping"):
-            ratio = getattr(fleet, name) / found.array(name)
+            ratio = getattr(fleet, name) / measured.array(name)
             assert 0.79 < ratio.min() < ratio.max() < 1.21, name
 
 
@@ -154,12 +151,12 @@ def test_a_fall_costs_what_it_costs_the_learner(bundle: Bundle, monkeypatch: pyt
     one = torch.tensor([1, 0, 0, 1])
     monkeypatch.setattr(arena, "step", lambda _: (torch.full((4,), 0.5), one, torch.tensor([0, 0, 0, 1])))
     monkeypatch.setattr(arena.env, "linear_velocity", torch.zeros(4, 3), raising=False)
-    found = arena.judge(None)
-    assert found["cost"] == pytest.approx(1010 / 1030) and found["fall_rate"] == pytest.approx(0.25 / 0.02)
+    figures = arena.judge(None)
+    assert figures["cost"] == pytest.approx(1010 / 1030) and figures["fall_rate"] == pytest.approx(0.25 / 0.02)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"command": "stand"}, "expected a velocity forward or sideways"),
         ({"disturber": "random"}, "does not learn"),
@@ -170,9 +167,9 @@ def test_a_fall_costs_what_it_costs_the_learner(bundle: Bundle, monkeypatch: pyt
         ({"friction_level": -0.1}, "friction_level is -0.1; expected a fraction of the torque limit"),
     ],
 )
-def test_what_is_no_duel_is_refused(changes: dict, said: str) -> None:
+def test_what_is_no_duel_is_refused(changes: dict, message: str) -> None:
     """In one line, before anything is simulated."""
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=message):
         replace(SMALL, **changes)
 
 
@@ -205,7 +202,7 @@ def test_the_page_says_what_was_lost(tmp_path: Path) -> None:
 
 
 def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
-    """What was fought once is read: the command of before, stopped or not, and one seed more."""
+    """Reads finished duels: after the same command nothing is fought, after one more seed that seed alone."""
     fought: list[int] = []
 
     def fight(bundle: Bundle, cfg: DuelCfg, seed: int, *_: object) -> list[dict]:
@@ -217,8 +214,8 @@ def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undraw
     assert main([*words, "0"]) == 0 and fought == [0]
     assert main([*words, "0"]) == 0 and fought == [0]
     assert main([*words, "0", "1", "--overwrite"]) == 0 and fought == [0, 1]
-    found = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert found["settings"]["iterations"] == 100
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["settings"]["iterations"] == 100
 
 
 def test_a_seed_counts_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

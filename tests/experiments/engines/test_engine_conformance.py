@@ -26,7 +26,7 @@ ROBOT = find_robot("saturn_lite")
 
 @pytest.fixture(scope="module", params=ENGINES)
 def make(request: pytest.FixtureRequest) -> Make:
-    """What makes an engine, of those that are installed."""
+    """Return the maker of an installed engine."""
     missing = missing_engine(request.param, ROBOT)
     if missing:
         pytest.skip(missing)
@@ -40,7 +40,7 @@ def failed(figures: tuple[Figure, ...]) -> list[str]:
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_an_engine_passes(make: Make, check: str) -> None:
-    """If this failed, a difference between engines could be a fault of ours and not of the policy."""
+    """Every installed engine passes every check."""
     figures = CHECKS[check](make, ROBOT, TIMESTEP)
     assert figures
     assert not failed(figures), "; ".join(failed(figures))
@@ -95,8 +95,8 @@ def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPat
         return Figure("one", 1.0, "m", 2.0), Figure("two", 2.0, "m", 2.0)
 
     monkeypatch.setattr("stiction_experiments.engines.conformance.suite.CHECKS", {"first": check, "second": check})
-    found = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, ROBOT, 0.005)]
-    assert found == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
+    figures = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, ROBOT, 0.005)]
+    assert figures == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
     assert seen == [0.005, 0.005] and steps_per_second(MujocoEngine, ROBOT, seconds=0.02) > 0
 
 
@@ -242,7 +242,7 @@ FAULTS: dict[str, tuple[Make, tuple[str, ...]]] = {
         ("determinism",),
     ),
 }
-"""What is wrong -> an engine that has it, and the checks that must find it."""
+"""Fault -> an engine that has it, and the checks that must find it."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -76,8 +76,8 @@ def test_every_cell_has_every_simulator_in_order_and_walks_once(
     folder.mkdir()
 
     def run(cfg: EvaluationCfg = cfg) -> tuple[list, list]:
-        found = find_simulators([MUJOCO])
-        return walk_bundles([check_bundle(bundle).bundle], found, cfg, folder, 1, lambda *said: done.append(said))
+        engines = find_simulators([MUJOCO])
+        return walk_bundles([check_bundle(bundle).bundle], engines, cfg, folder, 1, lambda *text: done.append(text))
 
     rows, episodes = run()
     steps = {TRAINING: 0.005, FINE_TRAINING: 0.001, COARSE: 0.005, MUJOCO: 0.002, STIFF: 0.002}

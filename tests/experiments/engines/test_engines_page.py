@@ -17,7 +17,7 @@ RESULT = EnginesResult((FIGURE,), (PaceRow("ode", 0.002, 2000.0, 1.0),), (), (),
 
 
 def test_a_study_without_walks_leaves_none_of_an_earlier_one(tmp_path: Path) -> None:
-    """If this failed, walks of other policies would lie beside the summary of a study in which nobody walked."""
+    """Removes the tables and the figure of earlier walks."""
     for name in ("walks.csv", "episodes.csv", "walks.png"):
         (tmp_path / name).touch()
     made = {

@@ -34,7 +34,7 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.fixture
 def only_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of all engines MuJoCo alone can be had."""
+    """Make MuJoCo the only installed engine."""
     monkeypatch.setattr(
         "stiction_experiments.engines.run.missing_engine", lambda name, spec: None if name == "mujoco" else GONE
     )
@@ -105,7 +105,7 @@ def test_an_engine_that_was_asked_for_and_is_not_here_is_an_error(only_mujoco: N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--engines", "bullet"], "unknown engine 'bullet'; known: mujoco"),
         (["--engines", "mujoco", "mujoco"], "each once"),
@@ -119,9 +119,9 @@ def test_an_engine_that_was_asked_for_and_is_not_here_is_an_error(only_mujoco: N
     ],
 )
 def test_what_cannot_be_studied_is_refused_before_any_work(
-    arguments: list[str], said: str, tmp_path: Path, capsys
+    arguments: list[str], message: str, tmp_path: Path, capsys
 ) -> None:
     """Minutes later, or in a page, is too late."""
     out = tmp_path / "engines"
     assert main(["study", "engines", *arguments, "--out", str(out)]) == 1
-    assert said in capsys.readouterr().err and not out.exists()
+    assert message in capsys.readouterr().err and not out.exists()

@@ -39,9 +39,9 @@ def paper_is_right() -> TrainingEvidence:
         ),
         *condition_rows("load442-direct", {0.442: STANDS}, friction_law="load"),
     ]
-    for index, found in enumerate(rows):
-        if found.policy.startswith("coulomb20-none") and found.command == "vx=0.5":
-            rows[index] = row(found.policy, found.friction_level, "vx=0.5", found.speed_ratio, tracking_error=0.021)
+    for index, cell in enumerate(rows):
+        if cell.policy.startswith("coulomb20-none") and cell.command == "vx=0.5":
+            rows[index] = row(cell.policy, cell.friction_level, "vx=0.5", cell.speed_ratio, tracking_error=0.021)
     return TrainingEvidence.of_runs(rows, curves_of(none=100, deception=150, direct=300))
 
 
@@ -74,7 +74,7 @@ def outcomes(evidence: TrainingEvidence) -> dict[str, str]:
 
 
 def test_results_as_the_paper_tells_them() -> None:
-    """If this failed, a sentence that holds would be called wrong."""
+    """Every sentence reproduces on results that the paper describes."""
     expected = {claim.id: "reproduces" for claim in CLAIMS}
     expected |= {NEVER: "not tested", "V2, as load": "only above x", "A1": "only above x"}
     assert outcomes(paper_is_right()) == expected
@@ -83,12 +83,12 @@ def test_results_as_the_paper_tells_them() -> None:
 
 
 def test_results_against_the_paper() -> None:
-    """If this failed, a criterion could not fail, and its verdict would say nothing."""
+    """Every sentence is refuted on results that contradict the paper."""
     assert outcomes(paper_is_wrong()) == {c.id: "not tested" if c.id == NEVER else "does not" for c in CLAIMS}
 
 
 def test_one_seed_carries_no_verdict() -> None:
-    """If this failed, a run of luck would decide about a sentence."""
+    """No sentence is decided by one seed."""
     right = paper_is_right()
     first = {cell: {0: seeds[0]} for cell, seeds in right.cells.items()}
     curves = {run: points for run, points in right.curves.items() if run.endswith("-s0")}
@@ -96,14 +96,14 @@ def test_one_seed_carries_no_verdict() -> None:
 
 
 def test_a_robot_that_walks_one_way_is_neither_stationary_nor_following() -> None:
-    """V2 is about both directions, C1 about either: if this failed, half a gait would count for one or the other."""
+    """V2 is about both directions, C1 about either."""
     rows = condition_rows("coulomb20-direct", {0.2: WALKS}, backward=0.0)
-    found = outcomes(TrainingEvidence.of_runs(rows))
-    assert found["V2"] == "does not" and found["C1"] == "reproduces"
+    verdicts = outcomes(TrainingEvidence.of_runs(rows))
+    assert verdicts["V2"] == "does not" and verdicts["C1"] == "reproduces"
 
 
 def test_falls_count_against_deception() -> None:
-    """If this failed, a policy that runs and falls would be called a success."""
+    """A policy that follows but falls in half of its walks fails."""
     rows = condition_rows("coulomb20-deception", {0.0: WALKS, 0.2: WALKS}, fall_rate=0.5)
     assert outcomes(TrainingEvidence.of_runs(rows))["V9"] == "does not"
 
@@ -131,7 +131,7 @@ def test_no_fall_is_as_sure_as_there_are_walks() -> None:
 
 
 def test_weak_exploration_that_never_learns_says_nothing_of_friction() -> None:
-    """If this failed, a policy that explores too little to learn anything would count as filtered by friction."""
+    """Friction filters only exploration that learns without friction."""
     rows = [
         *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
         *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),

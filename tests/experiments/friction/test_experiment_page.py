@@ -55,61 +55,61 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
 
 def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
-    found = experiment(tmp_path, ("designs",), seeds=1)
-    answer, _ = lead(found).splitlines()
+    record = experiment(tmp_path, ("designs",), seeds=1)
+    answer, _ = lead(record).splitlines()
     assert answer == "None of 3 ways to train follows with its one seed at any friction up to 30 %."
     assert "with every seed at any friction" in lead(experiment(tmp_path / "two", ("designs",), seeds=2))
-    assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
-    following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
+    assert {"following", "methods-student"} <= set(sheets_of(record)) and "verdicts" not in sheets_of(record)
+    following = [replace(cell, follow=cell.friction_level < 0.1) for cell in record.following]
     assert "the most do at 1 of 2 frictions: a purpose (partdesigns-none); a purpose" in lead(
-        replace(found, following=following)
+        replace(record, following=following)
     )
-    for seeds, said in ((1, "its one seed"), (3, "every seed")):
-        following = [replace(one, seeds=seeds, follow=seeds * ("none" in one.method)) for one in found.following]
-        assert lead(replace(found, following=following)).startswith(
-            f"1 of 3 ways to train follows with {said} up to 30 % friction: a purpose (partdesigns-none)."
+    for seeds, seeds_text in ((1, "its one seed"), (3, "every seed")):
+        following = [replace(one, seeds=seeds, follow=seeds * ("none" in one.method)) for one in record.following]
+        assert lead(replace(record, following=following)).startswith(
+            f"1 of 3 ways to train follows with {seeds_text} up to 30 % friction: a purpose (partdesigns-none)."
         )
     assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
 
 
 def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
     """The title asks which training copes with how much friction: the first sentence says it, without codes."""
-    found = experiment(tmp_path)
+    record = experiment(tmp_path)
     following = [
         replace(cell, follow=cell.seeds * ("direct" in cell.method and cell.friction_level > 0.1))
-        for cell in found.following
+        for cell in record.following
     ]
-    answer = lead(replace(found, following=following)).splitlines()[0]
+    answer = lead(replace(record, following=following)).splitlines()[0]
     assert answer == (
         "With this much friction, of each joint's torque limit, every seed follows: trained with 16 to 24 % (direct), "
         "at 20 %; trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
     )
     alone = [replace(cell, seeds=1, follow=min(cell.follow, 1)) for cell in following]
-    answer = lead(replace(found, following=alone)).splitlines()[0]
+    answer = lead(replace(record, following=alone)).splitlines()[0]
     assert "the one seed of each follows: trained with 16 to 24 % (direct), at 20 %" in answer
     some = [
         replace(cell, seeds=1, follow=min(cell.follow, 1)) if "direct" in cell.method else cell for cell in following
     ]
-    answer = lead(replace(found, following=some)).splitlines()[0]
+    answer = lead(replace(record, following=some)).splitlines()[0]
     assert "every seed follows: trained with 16 to 24 % (direct), its one seed, at 20 %; trained without" in answer
-    assert report(found).title == "Which training in two phases copes with how much joint friction?"
+    assert report(record).title == "Which training in two phases copes with how much joint friction?"
 
 
 def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
-    """If this failed, a number of the page could not be traced to a file."""
+    """Writes all tables and both figures, and reads back the same rows."""
     out = tmp_path / "out"
     out.mkdir()
-    found = experiment(tmp_path, ("1", "5", "6"))
-    write_report(out, report(found), MADE)
+    record = experiment(tmp_path, ("1", "5", "6"))
+    write_report(out, report(record), MADE)
     page = (out / "report.html").read_text()
-    assert read_results(out / "results.csv") == list(found.rows)
+    assert read_results(out / "results.csv") == list(record.rows)
     with (out / "intervals.csv").open() as file:
         intervals = list(csv.DictReader(file))
     first = next(r for r in intervals if r["condition"] == "coulomb20-none" and float(r["friction_level"]) == 0.0)
     assert (first["seeds"], first["mean"], first["low"][:7]) == ("3", "0.5", "0.37579")  # backward: 0.45, 0.5, 0.55
     summary = json.loads((out / "summary.json").read_text())
     assert len(summary["runs"]) == 27 and summary["median_seeds"]["coulomb20-none"] == 1
-    assert {v["id"] for v in summary["verdicts"]} == {v.id for v in found.verdicts}
+    assert {v["id"] for v in summary["verdicts"]} == {v.id for v in record.verdicts}
     for name in ("budget", "learning"):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG"), name
     assert page.count('class="drawing"') == 2 and not re.search(r'(src|href)="http', page)
@@ -118,14 +118,14 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
 
 def test_seeds_that_follow_with_a_walk_that_stalls_are_named(tmp_path: Path) -> None:
     """The table counts means; under it stands which of the counted seeds had a walk under half of the command."""
-    found = experiment(tmp_path)
-    assert "slowest walk" not in sheets_of(found)["following"].note
-    rows = [replace(row, speed_ratio=abs(row.speed_ratio or 0.0)) for row in found.rows]
+    record = experiment(tmp_path)
+    assert "slowest walk" not in sheets_of(record)["following"].note
+    rows = [replace(row, speed_ratio=abs(row.speed_ratio or 0.0)) for row in record.rows]
     walks = {"coulomb20-direct-s1/student": 0.284, "coulomb20-none-s2/teacher": 0.45, "coulomb20-none-s0/student": 0.5}
     rows = [
         replace(row, speed_ratio=1.0, slowest_walk=walks[row.policy]) if row.policy in walks else row for row in rows
     ]
-    note = sheets_of(replace(found, rows=rows))["following"].note
+    note = sheets_of(replace(record, rows=rows))["following"].note
     assert note.endswith(
         "Seeds that follow in the mean, a walk of theirs under 0.5: trained with 16 to 24 % (direct), student, slowest "
         "walk of seed 1 at 0 %: 0.28; trained with 16 to 24 % (direct), student, slowest walk of seed 1 at 20 %: 0.28; "
@@ -134,11 +134,11 @@ def test_seeds_that_follow_with_a_walk_that_stalls_are_named(tmp_path: Path) -> 
     )
     assert "\n" not in note
     everywhere = [replace(row, speed_ratio=1.0, slowest_walk=0.1) for row in rows]
-    assert sheets_of(replace(found, rows=everywhere))["following"].note.endswith("; 24 more in results.csv.")
+    assert sheets_of(replace(record, rows=everywhere))["following"].note.endswith("; 24 more in results.csv.")
 
 
 def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
-    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them."""
+    """`--add` twice, each by other code: rows keep the revision that walked them."""
     first = experiment(tmp_path / "first", seeds=2)
     out = tmp_path / "out"
     out.mkdir()
@@ -175,9 +175,9 @@ def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch
         monkeypatch.setattr(PlannedRun, "bundle", lambda self: bundle)
         return assemble.assemble([at], [], BASE, MADE | {"failed": {}}, before)
 
-    found = again(before.runs[0].revision)
-    assert found.runs[0].state == "exported" and found.runs[0].minutes == before.runs[0].minutes
-    assert sorted(found.curves, key=str) == sorted(curve, key=str)
+    later = again(before.runs[0].revision)
+    assert later.runs[0].state == "exported" and later.runs[0].minutes == before.runs[0].minutes
+    assert sorted(later.curves, key=str) == sorted(curve, key=str)
     # A folder that is here tells its own time.
     earlier = replace(before, runs=[replace(before.runs[0], minutes=99.0)])
     here = PlannedRun(at.run, at.cfg, tmp_path / "coulomb20-none-s0")
@@ -196,8 +196,8 @@ def test_a_policy_that_was_trained_anew_walks_anew(tmp_path: Path, monkeypatch: 
     def walks(revision: str, earlier: Experiment = before) -> bool:
         bundle = SimpleNamespace(contract=SimpleNamespace(revision=revision))
         monkeypatch.setattr(PlannedRun, "bundle", lambda self: bundle)
-        (found,) = assemble.unwalked([planned], [planned.state()], earlier)
-        return found.policy is not None
+        (run,) = assemble.unwalked([planned], [planned.state()], earlier)
+        return run.policy is not None
 
     assert before.runs[0].name == "coulomb20-none-s0"
     assert not walks(before.runs[0].revision) and walks("another")
@@ -206,7 +206,7 @@ def test_a_policy_that_was_trained_anew_walks_anew(tmp_path: Path, monkeypatch: 
 
 
 def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
-    """If this failed, the experiment could not be looked at before its first run ends."""
+    """Writes a page before the first run ends."""
     out = tmp_path / "out"
     out.mkdir()
     empty = assemble.assemble([], [], BASE, MADE | {"failed": {"coulomb20-none-s0": "it diverged"}})
@@ -218,7 +218,7 @@ def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
 
 
 def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Path) -> None:
-    """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. If it failed, one run would look as certain as five."""
+    """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. One seed has no interval."""
     several = methods_sheet(experiment(tmp_path / "a"), ["coulomb20-none"], "student")
     assert several.header[1:] == ("0 %", "20 %") and several.rows[0] == (
         "none, forward",

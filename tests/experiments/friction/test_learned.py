@@ -1,4 +1,4 @@
-"""What a training said of its code or its disturber: kept in a table, for its metrics stay where it was trained."""
+"""Table of a training's metrics of its code or disturber, which outlives the training's folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MADE = {"command": "c", "revision": "abc", "machine": {"cpu": "a processor"}, "w
 
 
 def test_means_are_of_the_last_iterations_by_hand() -> None:
-    """Of 30 iterations the last 20, 10 to 29: their mean is 19.5. Other figures of the metrics are left out."""
+    """The mean of the last 20 of 30 iterations, 10 to 29, is 19.5; other metrics are left out."""
     rows = [{"iteration": n, "hinf/eta": float(n), "loss/value": 1.0} for n in range(30)]
     assert learned_figures("a-s0", rows) == [LearnedFigure("a-s0", "hinf/eta", 20, 19.5)]
     assert learned_figures("a-s0", [{"loss/value": 1.0}]) == [] == learned_figures("a-s0", [])

@@ -27,7 +27,7 @@ def configured() -> dict[str, TrainCfg]:
 
 
 def test_every_condition_is_a_configuration_and_seeds_change_nothing_else() -> None:
-    """If this failed, a run of the experiment would stop at its own command line, hours into a night."""
+    """Every command line parses, and its seeds differ in nothing else."""
     for condition in MANIFEST:
         find_robot(configured()[condition.name].task.robot)
         words = [run.arguments for run in condition.runs]
@@ -39,7 +39,7 @@ def test_every_condition_is_a_configuration_and_seeds_change_nothing_else() -> N
 
 
 def test_names_are_unique_and_read_back() -> None:
-    """If this failed, two runs would write into one folder, or results would land with another condition."""
+    """Names of runs are unique, and tell condition and seed."""
     names = [run.name for run in runs_of(())]
     assert len(set(names)) == len(names)
     assert [condition_of(run.name) for run in runs_of(())] == [(r.condition.name, r.seed) for r in runs_of(())]
@@ -48,12 +48,12 @@ def test_names_are_unique_and_read_back() -> None:
 
 
 def test_no_two_conditions_are_the_same_run() -> None:
-    """If this failed, a comparison would compare a run with itself."""
+    """No two conditions have the same configuration."""
     assert Counter(configured().values()).most_common(1)[0][1] == 1
 
 
 def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
-    """If this failed, runs that exist would be trained again: the commands must be these, word by word."""
+    """Commands of part 1 are, word by word, those of the existing runs."""
     words = "--preset two-phase --method direct --friction-level 0.2 --seed 3 --video-every 0"
     assert [" ".join(r.arguments) for r in runs_of(["1"]) if r.name == "coulomb20-direct-s3"] == [words]
     methods = ["none", "direct", "deception"]
@@ -61,7 +61,7 @@ def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
 
 
 def test_budget_is_the_same_unless_it_is_the_question() -> None:
-    """If this failed, a method would win by training longer."""
+    """Methods have the same budget, but for conditions about the budget."""
     budget = PRESETS["two-phase"]
     two_phase = {condition.name for condition in MANIFEST if condition.runs[0].preset == "two-phase"}
     for name, cfg in ((name, cfg) for name, cfg in configured().items() if name in two_phase):
@@ -73,7 +73,7 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
 
 
 def test_designs_and_methods_are_compared_on_one_ground_and_friction() -> None:
-    """If this failed, a design would win by the ground or the simulation of the preset since, and not by itself."""
+    """Designs share ground, simulation and friction, but for conditions about these."""
     quiet = ("quiet", "known-quiet", "rows", "rows-load-spread")
     drawn = ("drawn-contact", "fine-contact", "known-drawn", "rows-loud", *quiet)
     other = {f"coulomb20-{name}" for name in drawn}
@@ -94,7 +94,7 @@ def literal_paper() -> TrainCfg:
 
 
 def test_the_literal_rows_are_the_paper_at_the_budget_of_all() -> None:
-    """If this failed, the row would be of something else than the paper."""
+    """The literal rows are the paper's configuration at the common budget."""
     literal, budget = literal_paper(), PRESETS["two-phase"]
     phases = {
         "teacher": replace(literal.teacher, iterations=budget.teacher.iterations),
@@ -106,7 +106,7 @@ def test_the_literal_rows_are_the_paper_at_the_budget_of_all() -> None:
 
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:
-    """If this failed, a part of the experiment would answer another question; numbers worked out by hand."""
+    """Mean frictions and first torques of the conditions are those worked out by hand."""
     means = {name: training_mean(cfg.task.friction) for name, cfg in configured().items()}
     assert means["coulomb20-none"] == 0.0
     assert means["coulomb20-deception"] == means["coulomb20-narrow"] == pytest.approx(0.12)
@@ -133,7 +133,7 @@ def _first_action(name: str) -> float:
 
 
 def test_parts_come_in_order_and_unknown_ones_are_named() -> None:
-    """If this failed, `--parts` would train something else, or nothing without a word."""
+    """Parts come in order; rejects an unknown part."""
     parts = [run.condition.part for run in runs_of(["2", "1"])]
     assert parts == sorted(parts) and set(parts) == {"1", "2"}
     assert {run.condition.part for run in runs_of(())} <= set(PARTS)
@@ -155,9 +155,9 @@ def test_every_part_has_the_presets_that_its_options_were_written_for() -> None:
 
 
 def test_designs_have_one_budget() -> None:
-    """If this failed, a design would win by training longer: 440 iterations, however they are divided; 333 where an
-    update of 0.48 s in 1.49 s has twice the samples, 440 · 1.49 / 1.97; 290 where a recurrent encoder makes an
-    iteration one and a half times as dear; 393 of four supervised passes, 440 · 2.20 / (2.20 + 3 · 0.087).
+    """Designs have one budget: 440 iterations, however they are divided; 333 where an update of 0.48 s in 1.49 s has
+    twice the samples, 440 · 1.49 / 1.97; 290 where a recurrent encoder makes an iteration one and a half times as dear;
+    393 of four supervised passes, 440 · 2.20 / (2.20 + 3 · 0.087).
     """
     for condition in MANIFEST:
         if condition.part in ("designs", "methods"):

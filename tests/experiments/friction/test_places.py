@@ -14,7 +14,7 @@ from synthetic import place, write_run
 
 
 def test_states(tmp_path: Path) -> None:
-    """If this failed, finished runs would be trained again, or half-trained ones evaluated."""
+    """A run is missing, interrupted, or finished by its files."""
     at = place(tmp_path)
     assert (at.state(), at.done()) == ("missing", 0)
     write_run(at, "summary.json")
@@ -26,7 +26,7 @@ def test_states(tmp_path: Path) -> None:
 
 
 def test_a_configuration_from_before_a_field_existed_is_the_same(tmp_path: Path) -> None:
-    """If this failed, runs of an earlier revision would be refused though they did what the default does now."""
+    """A missing field of an older configuration equals its default."""
     at = place(tmp_path)
     write_run(at)
     header = json.loads((at.path / "config.json").read_text())
@@ -36,14 +36,14 @@ def test_a_configuration_from_before_a_field_existed_is_the_same(tmp_path: Path)
 
 
 def test_a_folder_of_another_run_is_refused_by_name(tmp_path: Path) -> None:
-    """If this failed, a result would be reported under a condition that it was not trained with."""
+    """Rejects a folder with a run of another configuration."""
     write_run(place(tmp_path, "toy", 0, "--friction-level", "0.2"))
     with pytest.raises(StictionError, match=r"toy-s0 holds another run .*task\.friction\.level is 0\.2, expected 0\.1"):
         place(tmp_path, "toy", 0, "--friction-level", "0.1").state()
 
 
 def test_joints_are_known_by_what_is_in_the_file(tmp_path: Path) -> None:
-    """If this failed, a bench that moved would cost its finished trainings, or another one's would count as its own."""
+    """A moved joints file with the same content is the same; rejects another content."""
     first, moved = tmp_path / "joints.json", tmp_path / "moved.json"
     for file in (first, moved):
         file.write_text("what was identified")
@@ -66,7 +66,7 @@ def test_joints_are_known_by_what_is_in_the_file(tmp_path: Path) -> None:
 
 
 def test_a_net_is_known_by_what_it_does(tmp_path: Path) -> None:
-    """If this failed, a net that a later revision made the same way would cost the trainings with it."""
+    """A net of another revision with the same function is the same; rejects another function."""
     net, nets = pd_net(), [tmp_path / name for name in ("first", "same", "other")]
     for folder, one in zip(nets, (net, replace(net, revision="1111111"), pd_net(kp=2.0)), strict=True):
         folder.mkdir()

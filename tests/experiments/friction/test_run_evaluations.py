@@ -47,7 +47,7 @@ def tasks(tmp_path: Path, name: str = "toy") -> list[Task]:
 def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     tmp_path: Path, walked: list, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this failed, results would be of an earlier policy, or every page would cost an hour."""
+    """Evaluates once, and again after a change of settings, weights or code."""
     task = tasks(tmp_path)[0]
     rows, failed = evaluate_tasks([task], 1)
     assert not failed and [r.speed_ratio for r in rows] == [0.333333] * len(LEVELS)
@@ -98,25 +98,25 @@ def test_runs_with_the_same_weights_that_walk_differently_have_different_keys(tm
 
 
 def test_a_finished_run_walks_by_the_policy_that_was_exported_of_it(tmp_path: Path) -> None:
-    """What is deployed is the bundle; its teacher is in no bundle, and walks from the folder."""
+    """The student walks as its exported bundle; the teacher is in no bundle, and walks from the folder."""
     at = place(tmp_path, "toy", 0, "--friction-level", "0.2")
     write_run(at)
     for file in list((tmp_path / "toy-s0/checkpoints").iterdir()):
         (file.parent / f"teacher_000001{file.suffix}").write_bytes(file.read_bytes())
     for policy in (None, SHIPPED):
-        found = {task.who: task.exported for task in tasks_for([replace(at, policy=policy)], BASE)}
-        assert found == {"teacher": False, "student": policy is not None}
+        exported = {task.who: task.exported for task in tasks_for([replace(at, policy=policy)], BASE)}
+        assert exported == {"teacher": False, "student": policy is not None}
 
 
 def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
-    """If this failed, one damaged run would hide all results."""
+    """Names a policy that fails, and evaluates the others."""
     rows, failed = evaluate_tasks([*tasks(tmp_path, "bad"), *tasks(tmp_path)], 1)
     assert {r.policy for r in rows} == {"toy-s0/student"}
     assert failed == {"bad-s0/student": "the robot is unknown"}
 
 
 def test_a_run_whose_checkpoint_is_gone_stops_nobody(tmp_path: Path, walked: list) -> None:
-    """What is asked first, whether it is done, needs the checkpoint too: one such run ended the whole evaluation."""
+    """Names a run without its checkpoint, which the cache key needs, and evaluates the others."""
     gone = tasks(tmp_path, "gone")
     for file in (tmp_path / "gone-s0" / "checkpoints").glob("student*"):
         file.unlink()
@@ -125,15 +125,15 @@ def test_a_run_whose_checkpoint_is_gone_stops_nobody(tmp_path: Path, walked: lis
 
 
 def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
-    """If this failed, runs that may only be read could not be evaluated."""
+    """Writes rows to another cache folder, and nothing into the runs."""
     at = place(tmp_path / "runs", "toy", 0, "--friction-level", "0.2")
     write_run(at)
     before = sorted((tmp_path / "runs").rglob("*"))
     (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.safetensors").write_text("teacher")
     (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.json").write_text("{}")
-    found = tasks_for([at], BASE, tmp_path / "cache")
-    assert [task.name for task in found] == ["toy-s0/teacher", "toy-s0/student"]
-    evaluate_tasks(found, 1)
+    tasks = tasks_for([at], BASE, tmp_path / "cache")
+    assert [task.name for task in tasks] == ["toy-s0/teacher", "toy-s0/student"]
+    evaluate_tasks(tasks, 1)
     assert len(list((tmp_path / "cache/toy-s0").glob("*.json"))) == 2
     assert len(sorted((tmp_path / "runs").rglob("*"))) == len(before) + 2
 
@@ -150,7 +150,7 @@ def exported(tmp_path: Path, seed: int) -> PlannedRun:
 
 
 def test_a_run_that_is_elsewhere_is_evaluated_by_its_policy(tmp_path: Path) -> None:
-    """If this failed, results would need the machine of the training, or be called after the bundle's folder."""
+    """Evaluates an exported policy without its training, under the name of the run."""
     seed = read_bundle(SHIPPED).contract.seed
     at = exported(tmp_path, seed)
     (task,) = tasks_for([at], replace(BASE, friction_levels=(0.2,), episodes=1, seconds=3.0), tmp_path / "cache")
@@ -186,7 +186,7 @@ def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None
 
 
 def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Path) -> None:
-    """Those from before it went by the speed of the joints would be seeds of those from after."""
+    """Rejects policies of the earlier compensation, by the error, as seeds of the one by the speed of the joints."""
     shipped, words = read_bundle(SHIPPED), ("--method", "compensation", "--friction-level", "0.2")
     run = Run(Condition("coulomb20-compensation", "2", "a test", words, (0,)), 0, "quick")
     own = {"seed": 0, "method": "compensation", "compensation": (0.05,) * 18, "settings": None}
@@ -203,7 +203,7 @@ def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Pa
 
 
 def test_a_policy_of_hinf_without_settings_is_of_the_constraint_that_asked_for_nothing(tmp_path: Path) -> None:
-    """Those from before it was mended would be seeds of those from after, and the plan would not ask for them."""
+    """Rejects policies of the earlier constraint as seeds of the present one."""
     shipped, words = read_bundle(SHIPPED), ("--method", "hinf", "--friction-level", "0.2")
     run = Run(Condition("coulomb20-hinf-force", "methods", "a test", words, (0,)), 0, "quick")
     cfg = parse([*run.arguments]).config
@@ -218,7 +218,7 @@ def test_a_policy_of_hinf_without_settings_is_of_the_constraint_that_asked_for_n
 
 
 def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:
-    """Those of before there were settings could no longer be evaluated; they are named, and once."""
+    """Accepts policies without recorded settings, and names them once."""
     shipped, newer = read_bundle(SHIPPED), recorded(tmp_path)
     contract = replace(shipped.contract, settings=None)
     bundle = write_bundle(tmp_path / "older", contract, shipped.policy, replace(shipped.golden), shipped.card)
@@ -238,11 +238,11 @@ def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
 
 def test_a_policy_is_evaluated_under_its_own_law() -> None:
     """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
-    found = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
-    assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
+    cfg = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
+    assert cfg.friction_law == "load" and cfg.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
 
 
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:
-    """If this failed, a level that differs from joint to joint would be reported as one number."""
+    """Rejects a run whose friction differs from joint to joint."""
     with pytest.raises(StictionError, match="--friction-level"):
         settings_for(parse(["--preset", "two-phase", "--method", "direct"]).config)

@@ -41,7 +41,7 @@ def locks_first(at: PlannedRun) -> list[str]:
 
 
 def test_only_what_is_missing_is_trained_and_a_failure_stops_nobody(tmp_path: Path) -> None:
-    """If this failed, one diverged run would cost the night, or finished ones would be trained twice."""
+    """Trains missing runs alone; one that fails is named, and the others go on."""
     places = [place(tmp_path, "toy", seed) for seed in range(4)]
     write_run(places[0])
     started, shares = [], []
@@ -59,7 +59,7 @@ def test_only_what_is_missing_is_trained_and_a_failure_stops_nobody(tmp_path: Pa
 
 
 def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
-    """If this failed, Ctrl-C would leave trainings behind that write into the folders of the next ones."""
+    """An interrupt stops every training, and the next call can start them."""
     places = [place(tmp_path, "toy", seed) for seed in range(3)]
     running = []
 
@@ -81,7 +81,7 @@ def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
 
 
 def test_a_run_in_training_is_left_alone(tmp_path: Path) -> None:
-    """If this failed, two programs started by mistake would train the same run into one folder."""
+    """Skips a run whose folder another process writes."""
     at = place(tmp_path)
     with output_folder(at.path):
         failed = train_missing([at], 1, command=locks_first, poll=0.02)
@@ -108,7 +108,7 @@ def test_a_training_ends_with_the_study_that_started_it(tmp_path: Path) -> None:
 
 
 def test_commands_begin_and_resume(tmp_path: Path) -> None:
-    """If this failed, an interrupted run would begin again, or refuse its own folder."""
+    """A missing run begins, an interrupted one resumes."""
     at = place(tmp_path)
     begin = ["train", *at.run.arguments, "--out", str(at.path)]
     assert train_command(at)[4:] == begin and begin[1:3] == ["--preset", "two-phase"]

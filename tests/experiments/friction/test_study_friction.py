@@ -54,7 +54,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_command_trains_evaluates_and_judges(
     small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """If this failed, the experiment would not be one command, or a second call would do everything again."""
+    """One command trains, evaluates and judges; a second call reads the cache."""
     monkeypatch.chdir(tmp_path)
     options = ["--jobs", "1", "--episodes", "2", "--seconds", "3.1", "--json"]
     assert main(["study", "friction", "--train", *options]) == 0
@@ -80,7 +80,7 @@ def test_one_command_trains_evaluates_and_judges(
 def test_runs_of_several_machines_make_one_experiment(
     trained_here: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """If this failed, trainings of yesterday's machine would be lost, or those of two presets mixed."""
+    """Keeps results of runs that are elsewhere now; rejects another preset."""
     words = (*SMALL[: SMALL.index("--student.iterations")],)
     monkeypatch.setattr(
         manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "cohort", "a test", words, (0, 1)),)
@@ -110,7 +110,7 @@ def test_runs_of_several_machines_make_one_experiment(
 
 
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
+    """Lists all runs with their cost, and writes nothing."""
     of_two = ["--preset", "two-phase", "--runs", str(tmp_path)]
     assert main(["study", "friction", "--plan", *of_two]) == 0
     listed = capsys.readouterr().out
@@ -135,7 +135,7 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
 
 @pytest.mark.parametrize("words", [["--train"], ["--episodes", "3"], ["--json"], ["--add"], ["--out", "elsewhere"]])
 def test_a_plan_makes_no_use_of_what_is_done_with_runs(words: list[str], capsys: pytest.CaptureFixture) -> None:
-    """Who types --plan --train would wait for a training that never begins."""
+    """Rejects options of training and evaluation with --plan."""
     assert main(["study", "training", "--plan", *words]) == 1
     assert capsys.readouterr().err.startswith(f"stiction study training: --plan and {words[0]} exclude")
 

@@ -10,17 +10,17 @@ from synthetic import condition_rows, curve
 
 def test_slower_faster_and_error_by_hand() -> None:
     """Forward 1.0 and 0.6, backward half of it: errors (0 + 0.5 + 0.4 + 0.7) / 4 = 0.4."""
-    found = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0], 0.2: [0.6]}, backward=0.5))
-    assert found.slower("a", at(0.2)).seeds == {0: pytest.approx(0.3)}
-    assert found.faster("a", at(0.2)).seeds == {0: pytest.approx(0.6)}
-    assert found.mean_error("a").seeds == {0: pytest.approx(0.4)}
-    assert found.slower("b", at(0.2)).seeds == {} and found.mean_error("b").seeds == {}
+    evidence = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0], 0.2: [0.6]}, backward=0.5))
+    assert evidence.slower("a", at(0.2)).seeds == {0: pytest.approx(0.3)}
+    assert evidence.faster("a", at(0.2)).seeds == {0: pytest.approx(0.6)}
+    assert evidence.mean_error("a").seeds == {0: pytest.approx(0.4)}
+    assert evidence.slower("b", at(0.2)).seeds == {} and evidence.mean_error("b").seeds == {}
 
 
 def test_a_seed_without_every_level_is_no_sample() -> None:
-    """If this failed, a mean over levels would compare different levels."""
-    found = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0, 1.0], 0.2: [1.0]}))
-    assert list(found.mean_error("a").seeds) == [0]
+    """Leaves out a seed that lacks a level."""
+    evidence = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0, 1.0], 0.2: [1.0]}))
+    assert list(evidence.mean_error("a").seeds) == [0]
 
 
 def test_means_are_over_seeds_and_one_seed_has_no_interval() -> None:
@@ -45,8 +45,8 @@ def test_iterations_to_walk() -> None:
     """Walks from 120 on; a run that never walks counts as its whole budget."""
     curves = {"a-s0": curve("a-s0", 120), "a-s1": curve("a-s1", 1000), "b-s0": curve("b-s0", 50)}
     assert iterations_by_seed("a", curves) == ({0: 120.0, 1: 350.0}, 1)
-    found = takes_longer("a", "b")(TrainingEvidence.of_runs([], curves))
-    assert found.evidence.startswith("a (1 of 2 seeds not before the end) 235.00 [") and "; b 50.00" in found.evidence
+    claim = takes_longer("a", "b")(TrainingEvidence.of_runs([], curves))
+    assert claim.evidence.startswith("a (1 of 2 seeds not before the end) 235.00 [") and "; b 50.00" in claim.evidence
 
 
 def test_a_learning_curve_is_means_of_ten() -> None:

@@ -87,12 +87,12 @@ def test_a_bounce_is_no_step() -> None:
 
 def test_together_means_all_feet_within_the_window() -> None:
     """Feet that land at steps 5, 6 and 7: within two steps of each other all share, within one only the middle one."""
-    found = np.zeros((12, 1, 3), bool)
-    found[[5, 6, 7], 0, [0, 1, 2]] = True
+    events = np.zeros((12, 1, 3), bool)
+    events[[5, 6, 7], 0, [0, 1, 2]] = True
     moving = np.ones((12, 1), bool)
-    assert together_share([found], moving, 2) == 1.0
-    assert together_share([found], moving, 1) == pytest.approx(1 / 3)
-    assert together_share([found, np.zeros_like(found)], ~moving, 2) is None
+    assert together_share([events], moving, 2) == 1.0
+    assert together_share([events], moving, 1) == pytest.approx(1 / 3)
+    assert together_share([events, np.zeros_like(events)], ~moving, 2) is None
 
 
 def test_correlations_by_hand() -> None:

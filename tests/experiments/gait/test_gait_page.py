@@ -9,6 +9,6 @@ from stiction_experiments.gait.page import bars
 
 def test_bars_are_where_the_foot_is_down() -> None:
     """Down from the start for two steps, and for the last three of eight, at 0.02 s."""
-    found = bars(np.array([1, 1, 0, 0, 0, 1, 1, 1], bool), 0.02)
-    np.testing.assert_allclose(found, [(0.0, 0.04), (0.1, 0.06)])
+    spans = bars(np.array([1, 1, 0, 0, 0, 1, 1, 1], bool), 0.02)
+    np.testing.assert_allclose(spans, [(0.0, 0.04), (0.1, 0.06)])
     assert bars(np.zeros(4, bool), 0.02) == []

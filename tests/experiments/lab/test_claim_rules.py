@@ -36,12 +36,12 @@ OPEN, NONE = Finding("undecided", "perhaps"), Finding("not tested", "nothing")
     ],
 )
 def test_a_mean_within_bounds(points: dict, outcome: str) -> None:
-    """If this failed, a single seed or a wide interval would decide."""
+    """Only an interval over seeds that lies wholly on one side of the bound decides."""
     assert within("direct", Measurement(points), -np.inf, 0.2).outcome == outcome
 
 
 def test_evidence_shows_mean_interval_and_every_seed() -> None:
-    """If this failed, a reader could not check a verdict: 1, 2, 3 have the interval 2 ± 2.48."""
+    """Evidence has mean, interval and every seed: 1, 2, 3 have the interval 2 ± 2.48."""
     assert (
         within("x", Measurement({0: 1.0, 1: 2.0, 2: 3.0}), 0, 1).evidence == "x 2.00 [-0.48, 4.48] (1.00, 2.00, 3.00)"
     )
@@ -49,7 +49,7 @@ def test_evidence_shows_mean_interval_and_every_seed() -> None:
 
 
 def test_a_difference() -> None:
-    """If this failed, which of two methods is ahead would be read the wrong way round."""
+    """The larger of two means is decided by the interval of their difference."""
     low, high = ("low", Measurement({0: 1.0, 1: 1.1})), ("high", Measurement({0: 2.0, 1: 2.1}))
     assert larger(high, low).outcome == "reproduces" and larger(low, high).outcome == "does not"
     assert larger(("noisy", Measurement({0: 0.0, 1: 3.0})), low).outcome == "undecided"
@@ -80,7 +80,7 @@ def test_robots_must_agree_with_the_seeds() -> None:
 
 
 def test_several_things_at_once() -> None:
-    """If this failed, a sentence would stand on half of its evidence."""
+    """All parts must hold; one refuted part refutes, one untested part leaves untested."""
     assert all_of(HOLDS, HOLDS).outcome == "reproduces"
     assert all_of(HOLDS, NONE, FAILS).outcome == "does not"
     assert all_of(HOLDS, OPEN).outcome == "undecided"
@@ -88,7 +88,7 @@ def test_several_things_at_once() -> None:
 
 
 def test_one_of_several_things() -> None:
-    """If this failed, a robot that lies still would count as one that stands."""
+    """One part that holds suffices; all must fail to refute."""
     assert any_of(FAILS, HOLDS, NONE) == HOLDS
     assert any_of(FAILS, OPEN).outcome == "undecided"
     assert any_of(FAILS, OPEN, NONE).outcome == "not tested"
@@ -106,7 +106,7 @@ def test_one_of_several_things() -> None:
     ],
 )
 def test_a_rate_is_decided_by_seeds_and_by_trials(shares: tuple, trials: int, outcome: str) -> None:
-    """If this failed, seeds that agree by chance, or walks of trainings that differ, would decide."""
+    """Both the interval over seeds and that over trials must decide."""
     rate = Rate(dict(enumerate(shares)), float(np.mean(shares)) * trials, trials)
     assert rate_within("falls", rate, -np.inf, 0.1).outcome == outcome
 
@@ -121,7 +121,7 @@ def test_no_fall_of_any_seed_is_no_certainty() -> None:
 
 
 def test_nothing_walked_has_no_rate() -> None:
-    """If this failed, a method that was not walked would divide by zero."""
+    """Zero trials give `not tested`."""
     assert rate_within("falls", Rate({}, 0.0, 0), 0.0, 0.1) == Finding("not tested", "falls not evaluated")
 
 
@@ -170,9 +170,9 @@ def test_nothing_walked_has_no_rate() -> None:
     ],
 )
 def test_over_levels(findings: list, outcome: str, start: str) -> None:
-    """If this failed, `only above x` would name the wrong x, or a level at which nothing was shown."""
-    found = over_levels(findings)
-    assert found.outcome == outcome and found.evidence.startswith(start)
+    """Names the friction between refuted and held levels, and the levels that are open or untested."""
+    finding = over_levels(findings)
+    assert finding.outcome == outcome and finding.evidence.startswith(start)
 
 
 def test_each_virtual_robot_has_to_be_followed_on() -> None:
@@ -196,7 +196,7 @@ def test_each_virtual_robot_has_to_be_followed_on() -> None:
 
 
 def test_changes_are_kept_from_the_first_judgement_on() -> None:
-    """If this failed, judging the same rows a second time would hide that a sentence once was judged otherwise."""
+    """A change of verdict stays listed when the same rows are judged again."""
     first, second = (
         Verdict("V1", "s", f"asked {n}", outcome, "") for n, outcome in ((1, "undecided"), (2, "does not"))
     )

@@ -37,19 +37,19 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Clust
 
         small = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
         try:
-            found = Started(initialize_head=True, head_node_args={"num_cpus": 0, **small})
+            cluster = Started(initialize_head=True, head_node_args={"num_cpus": 0, **small})
         except Exception as error:  # whatever a machine forbids: ports, shared memory, processes
             pytest.skip(f"Ray cannot start a cluster here: {error}")
         folder = tmp_path_factory.mktemp("cluster")
         try:
-            found.add_node(num_cpus=1, object_store_memory=80 * 2**20)
-            with use_cluster(found.address, folder) as used:
+            cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+            with use_cluster(cluster.address, folder) as used:
                 assert used is not None and used.processors == 1
                 assert not list(folder.glob(".cluster-*"))
-                yield found, used
+                yield cluster, used
             assert module.current_cluster() is None
         finally:
-            found.shutdown()
+            cluster.shutdown()
 
 
 def test_what_a_task_raises_comes_home(nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,9 +75,9 @@ def test_a_node_with_other_code_is_refused(nodes: Any, tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="has other code"):
         list(replace(used, code="0" * 64).spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
     (node,) = started.worker_nodes
-    there = {"NodeID": node.node_id, "NodeManagerAddress": "a node"}
+    later = {"NodeID": node.node_id, "NodeManagerAddress": "a node"}
     with pytest.raises(ClusterError, match=r"has other code of stiction; install the same"):
-        module._checked([there], "0" * 64, tmp_path)
+        module._checked([later], "0" * 64, tmp_path)
     assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
 
 
@@ -106,12 +106,12 @@ def test_a_lost_node_costs_its_tasks_and_no_result(nodes: Any, tmp_path: Path) -
     """Each task is done at least once and told once; what was on the lost node is done again elsewhere."""
     started, used = nodes
     lost = started.add_node(num_cpus=1, object_store_memory=80 * 2**20)
-    found = []
+    results = []
     for number, result in spread(cluster_tasks.square, [(number, str(tmp_path)) for number in range(12)], 2):
-        found.append((number, result))
-        if len(found) == 3:
+        results.append((number, result))
+        if len(results) == 3:
             started.remove_node(lost, allow_graceful=False)
-    assert sorted(found) == [(number, number**2) for number in range(12)]
+    assert sorted(results) == [(number, number**2) for number in range(12)]
     begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
     assert set(begun) == {str(number) for number in range(12)}
     # Who begins now finds the lost node among those that the head node still counts.

@@ -66,10 +66,7 @@ NAME = f"{__name__}:STUDY"
 
 
 def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Arguments, table, claims, summary, page and resume come from the framework.
-
-    If this failed, a new study would have to touch the package.
-    """
+    """Arguments, table, claims, summary, page and resume come from the framework."""
     MADE.clear()
     out = tmp_path / "out"
     arguments = ["study", NAME, "--levels", "0.5", "0.25", "--out", str(out)]
@@ -100,7 +97,7 @@ def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.Captur
 
 def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Wrong usage is status 2, what cannot be done 1, each in one line."""
-    for arguments, status, said in (
+    for arguments, status, message in (
         (["--levels", "-1"], 2, f"stiction study {NAME}: a level below zero"),
         (["--jobs", "0"], 1, "--jobs 0: expected at least 1"),
         (["--out", str(tmp_path / "file" / "out")], 1, "cannot be made"),
@@ -108,24 +105,24 @@ def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pyte
         (tmp_path / "file").write_text("")
         assert main(["study", NAME, *arguments]) == status
         error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1
+        assert message in error and error.count("\n") == 1
     with pytest.raises(SystemExit, match="2"):
         main(["study", NAME, "--levels"])
     assert f"stiction study {NAME}: --levels: a value is missing" in capsys.readouterr().err
-    for name, said in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "expected a Study")):
+    for name, message in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "expected a Study")):
         assert main(["study", name]) == 1
         error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1
+        assert message in error and error.count("\n") == 1
 
 
 def test_policies_that_the_package_has_replaced_are_named() -> None:
     """A page of walks of an earlier policy must not look as if it were about the one of that name now."""
     (name, path), *_ = shipped_bundles().items()
     told = {"seed": 2, "revision": "441582ac71d4"}
-    (said,) = namesakes({name: told | {"digest": "another"}, "my-own": told | {"digest": "x"}})
-    assert f"{name} (seed 2, revision 441582ac71d4)" in said and "my-own" not in said
-    (said,) = namesakes({name: told | {"digest": "another", "phases": 2}})
-    assert ", two phases, revision " in said
+    (message,) = namesakes({name: told | {"digest": "another"}, "my-own": told | {"digest": "x"}})
+    assert f"{name} (seed 2, revision 441582ac71d4)" in message and "my-own" not in message
+    (message,) = namesakes({name: told | {"digest": "another", "phases": 2}})
+    assert ", two phases, revision " in message
     assert namesakes({name: told | {"digest": read_bundle(path).digest}}) == []
 
 

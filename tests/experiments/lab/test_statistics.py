@@ -23,7 +23,7 @@ def test_unequal_spread_by_hand() -> None:
 
 
 def test_one_seed_has_no_interval() -> None:
-    """If this failed, a single run would carry a verdict."""
+    """One seed gives no interval, of a mean or of a difference."""
     assert t_interval([1.0]) is None and difference_interval([1.0, 2.0], [1.0]) is None
 
 
@@ -33,7 +33,7 @@ def test_ratio_by_hand() -> None:
 
 
 def test_intervals_are_those_of_scipy() -> None:
-    """If this failed, our numbers would not be the ones that others compute from the same seeds and walks."""
+    """Intervals equal those of SciPy."""
     first, second = [0.31, 0.51, 0.42, 0.37], [0.25, 0.11, 0.22]
     assert t_interval(first) == pytest.approx(ttest_1samp(first, 0.0).confidence_interval(0.95), abs=1e-9)
     welch = ttest_ind(first, second, equal_var=False).confidence_interval(0.95)

@@ -1,4 +1,4 @@
-"""Who follows, on rows whose verdict is plain to see."""
+"""Seeds that follow, on rows whose verdict is plain to see."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def test_a_ratio_is_too_slow_follows_or_is_too_fast() -> None:
 def test_one_seed_of_five_that_is_too_fast_is_one_too_many() -> None:
     """Four in the band, one at 1.25 forward: |1 - r| is 0.1, 0.1, 0, 0, 0, 0, 0.2, 0.2, 0.25, 0.05, of ten 0.09."""
     rows = [*seed(0, 1.1, 0.9), *seed(1, 1, 1), *seed(2, 1, 1), *seed(3, 1.2, 0.8), *seed(4, 1.25, 1.05)]
-    (found,) = following(rows, lambda row: row.method)
-    assert (found.seeds, found.follow, found.too_slow, found.too_fast, found.fell) == (5, 4, 0, 1, 0)
-    assert not found.every_seed and found.text == "4 of 5, 1 too fast"
-    assert found.deviation == pytest.approx(0.09)
-    assert found.each == "1.10/0.90 1.00/1.00 1.00/1.00 1.20/0.80 1.25/1.05"
+    (cell,) = following(rows, lambda row: row.method)
+    assert (cell.seeds, cell.follow, cell.too_slow, cell.too_fast, cell.fell) == (5, 4, 0, 1, 0)
+    assert not cell.every_seed and cell.text == "4 of 5, 1 too fast"
+    assert cell.deviation == pytest.approx(0.09)
+    assert cell.each == "1.10/0.90 1.00/1.00 1.00/1.00 1.20/0.80 1.25/1.05"
     assert following(rows[:8], lambda row: row.method)[0].every_seed
 
 
 def test_one_direction_only_is_not_following() -> None:
     """Forward at the command and backward at half of it; at 1.3 and at 0.7: that seed is both too fast and too slow."""
-    (found,) = following([*seed(0, 1.0, 0.5), *seed(1, 1.3, 0.7)], lambda row: row.method)
-    assert (found.follow, found.too_slow, found.too_fast) == (0, 2, 1)
-    assert found.text == "0 of 2, 2 too slow, 1 too fast"
+    (cell,) = following([*seed(0, 1.0, 0.5), *seed(1, 1.3, 0.7)], lambda row: row.method)
+    assert (cell.follow, cell.too_slow, cell.too_fast) == (0, 2, 1)
+    assert cell.text == "0 of 2, 2 too slow, 1 too fast"
 
 
 def test_each_virtual_robot_is_judged() -> None:
@@ -54,9 +54,9 @@ def test_each_virtual_robot_is_judged() -> None:
     """
     forward, backward = seed(0, 1.0, 1.0)
     rows = [replace(forward, **ends_of((0.6, 1.4))), replace(backward, **ends_of((1.1, None, 0.9)))]
-    (found,) = following(rows, lambda row: row.method)
-    assert (found.follow, found.too_slow, found.too_fast) == (0, 1, 1)
-    assert found.each == "0.60..1.40/0.90..1.10" and found.deviation == pytest.approx(0.25)
+    (cell,) = following(rows, lambda row: row.method)
+    assert (cell.follow, cell.too_slow, cell.too_fast) == (0, 1, 1)
+    assert cell.each == "0.60..1.40/0.90..1.10" and cell.deviation == pytest.approx(0.25)
     within = [replace(forward, **ends_of((0.8, 1.1))), replace(backward, **ends_of((1.2, 0.9)))]
     assert following(within, lambda row: row.method)[0].every_seed
 
@@ -84,8 +84,8 @@ def test_cells_are_apart_and_stairs_are_none() -> None:
         *(replace(row, method="direct") for row in seed(0, 1, 1)),
         *(replace(row, terrain="stairs=0.1") for row in seed(0, 1, 1)),
     ]
-    found = following([*seed(0, 1, 1), *other], lambda row: row.method)
-    cells = [(one.method, one.engine, one.friction_level) for one in found]
+    apart = following([*seed(0, 1, 1), *other], lambda row: row.method)
+    cells = [(one.method, one.engine, one.friction_level) for one in apart]
     assert cells == [
         ("none", "mujoco", 0.1),
         ("none", "mujoco", 0.2),

@@ -50,14 +50,14 @@ def test_gait_writes_tables_contacts_figure_and_page(walker: Path, tmp_path: Pat
 def test_gait_refuses_what_it_cannot_name_or_measure(walker: Path, bundle: Path, tmp_path: Path, capsys) -> None:
     """A hand-made bundle does not tell its rewards, standing has no gait, variants are given for all or for none."""
     out = ["--out", str(tmp_path / "out"), "--episodes", "1", "--seconds", "3"]
-    for arguments, said in (
+    for arguments, message in (
         ([str(bundle)], "--variants"),
         ([str(walker), "--commands", "stand"], "no gait"),
         ([str(walker), "--variants", "both", "both"], "2 variants for 1"),
         ([str(walker), str(walker)], "two bundles are called 'walker'"),
     ):
         assert main(["study", "gait", *arguments, *out]) == 1
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert main(["study", "gait"]) == 2
 
 
@@ -78,11 +78,11 @@ def test_policies_of_different_trainings_are_no_seeds(walker: Path, tmp_path: Pa
         "--json",
         "--overwrite",
     ]
-    for second, said in ((other, "more than gait rewards and seed"), (again, "not evaluated")):
+    for second, message in ((other, "more than gait rewards and seed"), (again, "not evaluated")):
         assert main(["study", "gait", str(walker), str(second), *options]) == 0
         claims = json.loads((tmp_path / "gait" / "summary.json").read_text())["claims"]
         assert {claim["outcome"] for claim in claims} == {"not tested"}
-        assert all(said in claim["evidence"] for claim in claims)
+        assert all(message in claim["evidence"] for claim in claims)
     capsys.readouterr()
 
 
@@ -132,7 +132,7 @@ def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["study", "physics", "--seconds", "nan"], "16 walks of nan s at 0.5 m/s: expected at least 2"),
         (["study", "gait", "--seconds", "nan"], "nan"),
@@ -141,7 +141,7 @@ def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_pat
         (["replicate", "--runs", "elsewhere"], "--runs requires --preset full"),
     ],
 )
-def test_what_cannot_be_done_is_said_before_any_work(words: list[str], said: str, tmp_path: Path, capsys) -> None:
+def test_what_cannot_be_done_is_said_before_any_work(words: list[str], message: str, tmp_path: Path, capsys) -> None:
     """NaN passes every comparison with `<`, and a folder that cannot be made is no news after an hour."""
     file = tmp_path / "file"
     file.write_text("")
@@ -150,5 +150,5 @@ def test_what_cannot_be_done_is_said_before_any_work(words: list[str], said: str
     out = [] if "--out" in words else ["--out", str(tmp_path / "out")]
     assert main([*words[:2], *names, *words[2:], *out] if names else [*words, *out]) == 1
     printed = capsys.readouterr().err
-    assert said in printed and printed.count("\n") == 1 and "unforeseen" not in printed
+    assert message in printed and printed.count("\n") == 1 and "unforeseen" not in printed
     assert [*tmp_path.iterdir()] == [file]

@@ -116,7 +116,7 @@ def test_ppo_never_reaches_the_estimator(runner: PhaseRunner, monkeypatch: pytes
 
 
 def test_the_ratio_is_one_before_the_first_step(runner: PhaseRunner) -> None:
-    """What was drawn is stored: after updates too, and with some robots on the estimate, to 1e-6."""
+    """Stores the log probabilities of the drawn actions, to 1e-6: after updates, and with robots on the estimate."""
     alg, storage = runner.alg, runner.alg.storage
     for _ in range(3):
         alg.probability, alg.bootstrapped = 0.5, (torch.arange(8) % 2.0)[:, None]
@@ -217,7 +217,7 @@ def test_the_probe_finds_what_is_there() -> None:
 
 
 def test_what_is_said_of_a_code_by_hand() -> None:
-    """Of two dimensions, one is used. It is off by 0.1 where repeating is off by 0.3, and tells one joint's friction.
+    """One of two dimensions is used; it is off by 0.1 where repeating is off by 0.3, and tells one joint's friction.
 
     Figures that were of other columns, or of each other, would be finite all the same. A fallen robot's next frame does
     not count.

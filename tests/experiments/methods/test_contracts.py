@@ -79,6 +79,6 @@ def test_friction_of_the_load_alone_is_friction() -> None:
 
 
 def test_friction_added_by_the_error_has_a_name_of_its_own() -> None:
-    """Those from before it went by the speed of the joints would be seeds of those from after."""
+    """Compensation by the error is another method than that by the speed of the joints."""
     contract = make_contract(method="compensation", **CONTRACTS["compensation"] | {"compensation_speeds": None})
     assert method_of(contract) == friction.BY_ERROR

@@ -26,13 +26,13 @@ def in_free_fall(num: int = 3) -> Fleet:
 
 def momentum(fleet: Fleet) -> np.ndarray:
     """Linear momentum of every robot [kg m/s], (N, 3)."""
-    found = []
+    momenta = []
     for env in range(fleet.num_envs):
         model, data = fleet.data(env)
         mujoco.mj_subtreeVel(model, data)
         base = model.body("base").id
-        found.append(model.body_subtreemass[base] * data.subtree_linvel[base])
-    return np.array(found)
+        momenta.append(model.body_subtreemass[base] * data.subtree_linvel[base])
+    return np.array(momenta)
 
 
 def test_a_force_changes_the_momentum_by_itself_times_its_time() -> None:

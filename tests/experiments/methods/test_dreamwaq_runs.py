@@ -92,11 +92,11 @@ def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, whole:
 def test_what_a_run_says_of_its_code(whole: RunDirectory) -> None:
     """KL, active dimensions, the prediction beside repeating, and each joint's friction; in every row, all finite."""
     joints = {f"code/friction/{name}" for name in LocomotionEnv(CFG.task, 1, 0).spec.joint_names}
-    said = {"code/kl", "code/active", "code/reconstruction", "code/repeat", "bootstrap/probability", "bootstrap/share"}
-    said |= {"loss/estimator", "loss/reconstruction", "loss/code", "estimator/velocity_error"} | joints
+    names = {"code/kl", "code/active", "code/reconstruction", "code/repeat", "bootstrap/probability", "bootstrap/share"}
+    names |= {"loss/estimator", "loss/reconstruction", "loss/code", "estimator/velocity_error"} | joints
     for row in whole.rows():
-        assert said <= row.keys() and "latent/explained" not in row and "estimator/contact_error" not in row
-        assert all(np.isfinite(row[name]) for name in said)
+        assert names <= row.keys() and "latent/explained" not in row and "estimator/contact_error" not in row
+        assert all(np.isfinite(row[name]) for name in names)
     assert {row["bootstrap/share"] for row in whole.rows()} != {0.0}
 
 
@@ -200,15 +200,15 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     assert cfg.method.name == "dreamwaq" and not cfg.task.estimated_friction and cfg.teacher.iterations == 440
     assert not cfg.task.friction.has_friction and cfg.task.friction.last.range == (0.0, 0.0)
     assert cfg.method_settings == DreamWaQCfg(beta=0.35, free_bits=0.05, code=16)
-    said: list[str] = []
-    begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
-    assert said == ["dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"]
+    messages: list[str] = []
+    begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), messages.append)
+    assert messages == ["dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"]
     words = ["--method=dreamwaq", "--friction-level", "0", "--set", "dreamwaq.beta=0.1"]
     begin_run(tmp_path / "level", replace(parse(words).config, num_envs=8), "stiction train")
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("--method dreamwaq --preset two-phase", "learns in one phase.*--preset full or quick"),
         ("--method dreamwaq --student.iterations 5", "learns in one phase"),
@@ -221,9 +221,9 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         ("--method dreamwaq --task.known-friction", "known_friction with the method 'dreamwaq'"),
     ],
 )
-def test_options_that_contradict_the_method_are_refused(words: str, said: str) -> None:
+def test_options_that_contradict_the_method_are_refused(words: str, message: str) -> None:
     """In one line, before any folder is made."""
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=message):
         parse(words.split())
 
 

@@ -61,7 +61,7 @@ def parameters(algorithm: AdaptationPPO) -> dict[str, torch.Tensor]:
 
 @dataclass(frozen=True)
 class Trained:
-    """What two iterations came to."""
+    """Result of two iterations."""
 
     alg: AdaptationPPO
     rows: list[dict]
@@ -93,8 +93,8 @@ def test_combined_advantage_by_hand() -> None:
 
 def test_cost_by_hand() -> None:
     """0 at the most that the task pays and above it, 1 where nothing is paid; gait and swing are not of the task."""
-    found = cost(torch.tensor([0.08, 0.1, 0.0, -0.04]), 0.08)
-    torch.testing.assert_close(found, torch.tensor([0.0, 0.0, 1.0, 1.5]))
+    costs = cost(torch.tensor([0.08, 0.1, 0.0, -0.04]), 0.08)
+    torch.testing.assert_close(costs, torch.tensor([0.0, 0.0, 1.0, 1.5]))
     terms = RewardCfg().terms_for(find_robot("go1"))
     assert best_task_reward(terms) == pytest.approx(2.0 + 0.8)
 
@@ -113,11 +113,11 @@ def test_advantages_of_h_by_hand() -> None:
     values = torch.tensor([[4.0, 4.0, 4.0], [8.0, 8.0, 8.0]])
     ended = torch.tensor([[False, True, True], [False, False, False]])
     timed_out = torch.tensor([[False, False, True], [False, False, False]])
-    found = advantages(rewards, values, torch.full((3,), 6.0), ended, timed_out, 0.5, 0.5)
+    advantage = advantages(rewards, values, torch.full((3,), 6.0), ended, timed_out, 0.5, 0.5)
     last = 2.0 + 0.5 * 6.0 - 8.0  # -3
     goes_on = 1.0 + 0.5 * 8.0 - 4.0 + 0.25 * last  # 0.25
     expected = [[goes_on, 1.0 - 4.0, 1.0 + 0.5 * 4.0 - 4.0], [last] * 3]
-    torch.testing.assert_close(found, torch.tensor(expected))
+    torch.testing.assert_close(advantage, torch.tensor(expected))
 
 
 def test_the_disturbers_own_ppo_by_hand() -> None:
@@ -186,10 +186,10 @@ def test_a_disturber_that_learns_and_pushes_with_nothing_leaves_plain_ppo_bit_fo
     base = by_friction(kind) if kind == "friction" else HINF
     plain = replace(base, method_settings=replace(base.method_settings, disturber="none"))
     learns = replace(base, method_settings=replace(base.method_settings, multiplier_rate=0.0))
-    alone, beside = (trained(cfg, tmp_path / str(number)) for number, cfg in enumerate((plain, learns)))
-    assert alone.alg.learning is None and beside.alg.learning is not None
-    assert_same(alone, beside)
-    assert "hinf/lambda" in beside.rows[-1] and beside.rows[-1]["hinf/intensity"] == 0.0
+    alone, disturbed = (trained(cfg, tmp_path / str(number)) for number, cfg in enumerate((plain, learns)))
+    assert alone.alg.learning is None and disturbed.alg.learning is not None
+    assert_same(alone, disturbed)
+    assert "hinf/lambda" in disturbed.rows[-1] and disturbed.rows[-1]["hinf/intensity"] == 0.0
 
 
 def walked(tmp_path: Path, multiplier: float, **changes: object) -> HinfPPO:
@@ -227,10 +227,10 @@ def test_the_price_of_a_push_is_the_disturbers_alone(tmp_path: Path) -> None:
 
 
 def test_ppo_climbs_the_combined_advantage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the update sees is (A - λ A_C)/(1 + λ) of two normalised advantages: with λ = 0 that of plain PPO."""
+    """The update sees (A - λ A_C)/(1 + λ) of two normalised advantages: with λ = 0 that of plain PPO."""
     runner, seen = phase_runner(HINF, tmp_path), []
     finish = runner.alg.learning.finish
-    monkeypatch.setattr(runner.alg.learning, "finish", lambda *given: (seen.append(finish(*given)), seen[-1])[1])
+    monkeypatch.setattr(runner.alg.learning, "finish", lambda *args: (seen.append(finish(*args)), seen[-1])[1])
     for multiplier in (0.0, 2.0):
         runner.alg.multiplier = multiplier
         rollout(runner)
@@ -257,8 +257,8 @@ def test_the_disturbers_advantage_is_of_cost_and_price(tmp_path: Path) -> None:
     size = learner.act(obs).norm(dim=-1)
     costs, never = torch.linspace(0, 1, 8), torch.zeros(8)
     learner.record(costs, never, never)
-    found = learner.finish(obs, 3.0, 0.5, 0.9)
-    torch.testing.assert_close(found, 0.5 * (costs - 1.0)[None])
+    advantage = learner.finish(obs, 3.0, 0.5, 0.9)
+    torch.testing.assert_close(advantage, 0.5 * (costs - 1.0)[None])
     climbed = normalised(0.5 * (costs - 1.0) - 3.0 * 0.5 * size)
     torch.testing.assert_close(learner._rollout["advantage"], climbed[None])
 
@@ -298,7 +298,7 @@ def test_the_disturber_learns_what_costs(tmp_path: Path) -> None:
 def test_a_fall_is_all_later_reward_lost(tmp_path: Path) -> None:
     """Not the end of all costs: the step of a fall has a higher advantage of C than the same step without."""
     obs = phase_runner(HINF, tmp_path).env.get_observations()
-    found = []
+    learnt = []
     for fell in (0.0, 1.0):
         learner = LearningDisturber(obs, 3, False, HinfCfg(actor=(8,), critic=(8,)), 5, "cpu")
         with torch.no_grad():
@@ -306,9 +306,9 @@ def test_a_fall_is_all_later_reward_lost(tmp_path: Path) -> None:
             learner.network.critic[-1].bias.fill_(-0.3)  # C - 1 is -0.3 in every step, for ever
         learner.act(obs)
         learner.record(torch.full((8,), 0.7), torch.full((8,), fell), torch.zeros(8))
-        found.append(learner.finish(obs, 0.0, 0.99, 0.95))
-    torch.testing.assert_close(found[0], torch.zeros(1, 8), atol=1e-4, rtol=0)
-    torch.testing.assert_close(found[1], torch.full((1, 8), 0.99 * 0.3), atol=1e-4, rtol=0)
+        learnt.append(learner.finish(obs, 0.0, 0.99, 0.95))
+    torch.testing.assert_close(learnt[0], torch.zeros(1, 8), atol=1e-4, rtol=0)
+    torch.testing.assert_close(learnt[1], torch.full((1, 8), 0.99 * 0.3), atol=1e-4, rtol=0)
 
 
 @pytest.mark.parametrize("by_torque", [False, True])
@@ -363,7 +363,7 @@ def test_a_phase_does_not_end_before_the_curriculum_has(tmp_path: Path) -> None:
 
 
 def test_without_a_reward_there_is_no_cost(tmp_path: Path) -> None:
-    """Who is paid for gait alone has nothing to lose by a push."""
+    """Rejects rewards of gait alone, of which a push can cost nothing."""
     rewards = RewardCfg(track_linear=0.0, track_angular=0.0)
     with pytest.raises(StictionError, match="nothing is paid for going as commanded"):
         phase_runner(replace(HINF, task=replace(HINF.task, rewards=rewards)), tmp_path)

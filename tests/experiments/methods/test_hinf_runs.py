@@ -52,7 +52,7 @@ def start(folder: Path, cfg: TrainCfg) -> RunDirectory:
 
 
 def equal(one: object, other: object) -> bool:
-    """Whether two trees of tensors and numbers are the same, bit for bit."""
+    """Return whether two trees of tensors and numbers are the same, bit for bit."""
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(equal(value, other[name]) for name, value in one.items())
     if isinstance(one, list | tuple):
@@ -102,10 +102,10 @@ def test_a_checkpoint_without_its_disturber_is_refused(part: str, tmp_path: Path
 
 def test_what_a_run_says_of_its_disturber(whole: RunDirectory) -> None:
     """λ, η, constraint, cost, intensity, limit: in every row, finite; the curriculum ends at the whole limit."""
-    said = {f"hinf/{name}" for name in ("lambda", "eta", "constraint", "cost", "intensity", "limit", "std")}
-    said |= {"loss/disturber", "loss/disturber_value"}
+    names = {f"hinf/{name}" for name in ("lambda", "eta", "constraint", "cost", "intensity", "limit", "std")}
+    names |= {"loss/disturber", "loss/disturber_value"}
     for row in whole.rows():
-        assert said <= row.keys() and all(np.isfinite(row[name]) for name in said)
+        assert names <= row.keys() and all(np.isfinite(row[name]) for name in names)
         assert row["hinf/cost"] >= 0.0 and 0.0 < row["hinf/intensity"] <= 1.0
     assert [row["hinf/limit"] for row in whole.rows()] == [0.5, 1.0, 1.0, 1.0]
 
@@ -130,8 +130,8 @@ def test_its_name_says_whether_it_met_friction() -> None:
     assert [(one.disturber, method_of(one)) for one in contracts] == [("force", "hinf"), ("friction", "hinf-joints")]
     names = {"force": "hinf-friction", "random": "hinf-random-friction", "random-friction": "hinf-random-joints"}
     for kind, name in names.items():
-        found = method_of(contract_of(replace(CFG, method_settings=HinfCfg(disturber=kind)), HEADER))
-        assert found == name and found in method_texts()
+        method = method_of(contract_of(replace(CFG, method_settings=HinfCfg(disturber=kind)), HEADER))
+        assert method == name and method in method_texts()
     for hinf in (HinfCfg(disturber="none"), HinfCfg(limit=0.0)):
         nobody = contract_of(replace(plain, method_settings=hinf), HEADER)
         assert nobody.disturber is None and method_of(nobody) == "hinf-nobody"
@@ -154,10 +154,10 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         and cfg.method_settings.share == 0.5
         and cfg.teacher.iterations == 440
     )
-    said: list[str] = []
-    begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
-    assert said[0] == "hinf trains without dry friction; with: --task.friction.range 0 1.2"
-    assert said[1].startswith("hinf pushes with half of the weight from the first iteration on") and len(said) == 2
+    notes: list[str] = []
+    begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), notes.append)
+    assert notes[0] == "hinf trains without dry friction; with: --task.friction.range 0 1.2"
+    assert notes[1].startswith("hinf pushes with half of the weight from the first iteration on") and len(notes) == 2
     for kind, curriculum in (("force", 0.5), ("friction", 0.0), ("none", 0.0)):
         quiet: list[str] = []
         hinf = HinfCfg(disturber=kind, curriculum=curriculum)
@@ -174,7 +174,7 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("--method hinf --preset two-phase", "'hinf' learns in one phase.*--preset full or quick"),
         ("--method hinf --student.iterations 5", "learns in one phase"),
@@ -196,9 +196,9 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         ("--method hinf --set hinf.actor=[0]", r"hinf.actor\[0\] is 0; expected at least 1"),
     ],
 )
-def test_options_that_contradict_the_method_are_refused(words: str, said: str) -> None:
+def test_options_that_contradict_the_method_are_refused(words: str, message: str) -> None:
     """In one line, before any folder is made."""
-    with pytest.raises(ConfigurationError, match=said) as caught:
+    with pytest.raises(ConfigurationError, match=message) as caught:
         parse(words.split())
     assert "\n" not in str(caught.value)
 
@@ -210,7 +210,7 @@ def test_who_disturbs_keeps_the_task_on_the_host() -> None:
 
 
 def test_settings_of_older_runs_are_read(tmp_path: Path) -> None:
-    """Of a config.json from before methods were installed; each of them is bounded."""
+    """Reads a config.json from before methods were installed, and checks its values."""
     run = start(tmp_path / "run", CFG)
     file = run.path / "config.json"
     header = json.loads(file.read_text())

@@ -84,21 +84,21 @@ def test_axes_by_hand() -> None:
     robot = find_robot("go1")
     kp, limit = np.array([100.0, 100.0]), np.array([10.0, 20.0])
     rms = (np.array([0.1, 0.4]), np.array([0.2, 0.1]), np.array([2.0, 5.0]))
-    found = axes(robot, kp, limit, Motion(*rms, speed=np.array([1.0, 2.0]), power=np.array([3.0, 2.0])))
-    assert found["dead_band_worst"] == pytest.approx(0.2) and found["dead_band_mean"] == pytest.approx(0.15)
-    assert found["targets_worst"] == pytest.approx(1.0) and found["targets_mean"] == pytest.approx(0.75)
-    assert found["motion_worst"] == pytest.approx(2.0) and found["motion_mean"] == pytest.approx(1.25)
-    assert found["torque_worst"] == pytest.approx(5.0) and found["torque_mean"] == pytest.approx(4.5)
-    assert found["weight_worst"] == pytest.approx(20 / (robot.mass * 9.81 * robot.standing_height))
+    values = axes(robot, kp, limit, Motion(*rms, speed=np.array([1.0, 2.0]), power=np.array([3.0, 2.0])))
+    assert values["dead_band_worst"] == pytest.approx(0.2) and values["dead_band_mean"] == pytest.approx(0.15)
+    assert values["targets_worst"] == pytest.approx(1.0) and values["targets_mean"] == pytest.approx(0.75)
+    assert values["motion_worst"] == pytest.approx(2.0) and values["motion_mean"] == pytest.approx(1.25)
+    assert values["torque_worst"] == pytest.approx(5.0) and values["torque_mean"] == pytest.approx(4.5)
+    assert values["weight_worst"] == pytest.approx(20 / (robot.mass * 9.81 * robot.standing_height))
     # At the torque limit friction takes 10 x 1 + 20 x 2 W, and the motors give 5.
-    assert found["work"] == pytest.approx(10.0)
-    assert set(found) == set(AXES)
+    assert values["work"] == pytest.approx(10.0)
+    assert set(values) == set(AXES)
 
 
 def test_commands_of_half_the_range_count() -> None:
-    """Of the set of fifteen all but slow walking and standing; the combined ones have half of an axis."""
+    """Counts all of the set of fifteen but slow walking and standing; the combined ones have half of an axis."""
     bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
-    assert len(found := fast_commands(commands_for([bundle]))) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(found)
+    assert len(fast := fast_commands(commands_for([bundle]))) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(fast)
     slow = replace(
         bundle,
         contract=make_contract(command_range={"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (-1.0, 1.0)}),

@@ -83,10 +83,10 @@ def test_a_sentence_on_learning_is_judged():
         for name, area in (("direct", 0.3), ("none", 0.2))
         for k in range(5)
     ]
-    found = {one.number: one for one in judge(Results(Walks(()), areas))}
-    assert found["26"].outcome == "undecided" or found["26"].outcome == "holds"
-    assert found["1"].outcome == "not walked" and found["13"].outcome == "not testable"
-    assert counts([*found.values()]).startswith(f"Of {len(found)} sentences ")
+    judged = {one.number: one for one in judge(Results(Walks(()), areas))}
+    assert judged["26"].outcome == "undecided" or judged["26"].outcome == "holds"
+    assert judged["1"].outcome == "not walked" and judged["13"].outcome == "not testable"
+    assert counts([*judged.values()]).startswith(f"Of {len(judged)} sentences ")
 
 
 def test_curves_are_means_over_ten_iterations():
@@ -98,7 +98,7 @@ def test_curves_are_means_over_ten_iterations():
 
 
 def test_steps_are_in_the_order_of_their_worth(tmp_path):
-    """What is trained already is walked first; a net comes before its training."""
+    """Existing policies walk first; a net comes before its training."""
     names = [step.name for step in steps(tmp_path)]
     assert names[0] == "walk mujoco none" and len(names) == len(set(names))
     assert names.index("net net-s10") < names.index("train net-s10") < names.index("export net-s10")

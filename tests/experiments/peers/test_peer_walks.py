@@ -77,21 +77,21 @@ def test_a_log_is_read_from_its_first_step_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("moved", "rows", "text", "said"),
+    ("moved", "rows", "text", "message"),
     [
         (None, 600, "", "never move"),
         (5, 600, "", "expected -1 to 3.5 s"),
         (200, 600, "1,2,nan\n", "number of columns|expected numbers"),
     ],
 )
-def test_what_is_no_walk_is_refused(tmp_path: Path, moved: int | None, rows: int, text: str, said: str) -> None:
+def test_what_is_no_walk_is_refused(tmp_path: Path, moved: int | None, rows: int, text: str, message: str) -> None:
     """Targets at rest, a walk without the stand before it, and rows of other lengths."""
     targets = np.zeros((rows, 12))
     targets[moved if moved is not None else rows :] += 0.1
     folder = write(tmp_path, targets, targets)
     if text:
         (folder / "state_history.csv").write_text("1,2\n" + text)
-    with pytest.raises(FileError, match=said):
+    with pytest.raises(FileError, match=message):
         read_history(folder, ROBOT)
 
 

@@ -195,18 +195,18 @@ def test_the_study_judges_all_by_one_record(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--peers", "scpy"), "did you mean 'scipy'"),
         (("--records", "measured", "measured"), "each once"),
     ],
 )
-def test_wrong_words_are_refused(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_refused(arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A name that is no estimator, and the same records twice."""
     try:
         status = main(["study", "peers", *arguments])
     except (StictionError, SystemExit) as error:
         status = 1
-        assert said in str(error) + capsys.readouterr().err
+        assert message in str(error) + capsys.readouterr().err
     else:
-        assert status and said in capsys.readouterr().err
+        assert status and message in capsys.readouterr().err

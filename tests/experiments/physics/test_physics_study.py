@@ -64,8 +64,8 @@ def test_distances_leave_out_stalls_and_falls() -> None:
     for name in physics_study.SETTINGS:
         if name not in (REFERENCE, "rows"):
             rows += [row(name, level, fast, falls=level == 0.0) for level, (_, _, fast) in ratios.items()]
-    found = bias(rows)
-    assert found["rows"] == pytest.approx(
+    biases = bias(rows)
+    assert biases["rows"] == pytest.approx(
         {
             "largest_from_rows": 0.0,
             "mean_from_rows": 0.0,
@@ -73,8 +73,8 @@ def test_distances_leave_out_stalls_and_falls() -> None:
             "mean_from_reference": 0.175,
         }
     )
-    assert found["plastic"]["largest_from_reference"] == pytest.approx(0.1)
-    assert found["plastic"]["largest_from_rows"] == pytest.approx(0.0)
+    assert biases["plastic"]["largest_from_reference"] == pytest.approx(0.1)
+    assert biases["plastic"]["largest_from_rows"] == pytest.approx(0.0)
 
 
 def test_what_cannot_be_walked_is_refused() -> None:

@@ -47,9 +47,9 @@ def test_without_friction_nothing_is_fed_forward() -> None:
     """The curve of a policy with friction fed forward begins where the policy itself does."""
     rows = curve("none", 0, {0.0: 1.1}, "physx+rest")
     rows += curve("none+forward", 0, {0.1: 1.1, 0.2: 0.8}, "physx+all", "real")
-    found = onsets(Evidence.of(rows), SPEC)
-    assert [onset.method for onset in found] == ["none+forward"]
-    assert found[0].level == pytest.approx(0.1 + 0.1 * 0.2 / 0.3)
+    results = onsets(Evidence.of(rows), SPEC)
+    assert [onset.method for onset in results] == ["none+forward"]
+    assert results[0].level == pytest.approx(0.1 + 0.1 * 0.2 / 0.3)
 
 
 def test_friction_fed_forward_is_held_against_the_same_robots() -> None:
@@ -63,11 +63,11 @@ def test_friction_fed_forward_is_held_against_the_same_robots() -> None:
 
     rows = on_robots("none", 0.9, 0.3) + on_robots("none+forward", 1.0) + on_robots("deception", 1.1, 0.8)
     rows += curve("none", 0, {0.1: 0.9}) + curve("none+forward", 0, {0.1: 1.0})
-    found = [
+    points = [
         (point.method, round(point.ratio, 6), point.robots, point.left_out)
         for point in beside_forward(Evidence.of(rows))
     ]
-    assert found == [
+    assert points == [
         ("none", 0.8, 1, 1),
         ("none+forward", 0.9, 1, 1),
         ("deception", 1.0, 1, 1),
@@ -81,6 +81,6 @@ def test_a_virtual_robot_begins_with_the_cell_that_has_all_but_friction() -> Non
     """Its levels do not contain zero: without that cell the first one would count as the start."""
     rows = curve("none", 0, {0.0: 1.1}, "physx+rest")
     rows += curve("none", 0, {0.1: 0.9, 0.2: 0.5}, "physx+all", "real")
-    found = {onset.engine: onset for onset in onsets(Evidence.of(rows), SPEC)}
-    assert list(found) == ["physx+all"]
-    assert found["physx+all"].level == pytest.approx(0.1)
+    by_engine = {onset.engine: onset for onset in onsets(Evidence.of(rows), SPEC)}
+    assert list(by_engine) == ["physx+all"]
+    assert by_engine["physx+all"].level == pytest.approx(0.1)

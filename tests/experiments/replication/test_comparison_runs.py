@@ -57,7 +57,7 @@ def test_training_knows_a_robot_by_its_bench_and_none_that_is_reported() -> None
 def test_a_policy_of_identified_joints_is_a_way_of_its_own() -> None:
     """It would count as a second sample of `deception`."""
     file = {"name": "joints.json", "sha256": "0" * 64}
-    contracts = [make_contract(method="deception", joints_file=given) for given in (None, file)]
+    contracts = [make_contract(method="deception", joints_file=joints_file) for joints_file in (None, file)]
     assert [method_of(contract) for contract in contracts] == ["deception", "identified"]
     alone = make_contract(method="direct", joints_file=file, friction_range=(0.2, 0.2))
     assert method_of(alone) == "point"
@@ -82,7 +82,7 @@ def test_two_policies_of_one_way_and_seed_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: dict, told: str) -> None:
-    """What differs between them would be taken for what differs between seeds; stairs are a group of their own."""
+    """Rejects seeds of different trainings; stairs are a group of their own."""
     plain = read_bundle(make_bundle(tmp_path / "plain", make_contract()))
 
     def like(name: str, **fields: object) -> Bundle:

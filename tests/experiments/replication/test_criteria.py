@@ -69,9 +69,9 @@ def test_all_other_engines_must_agree() -> None:
     """An Actuator Net that fails in one engine and walks in the other did not fail elsewhere."""
     fails = elsewhere("actuator", criteria.fails)
     assert judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.05)).outcome == "reproduces"
-    found = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
-    assert found.outcome == "does not"
-    assert "ode-webots: actuator, slower direction 0.90" in found.evidence
+    finding = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
+    assert finding.outcome == "does not"
+    assert "ode-webots: actuator, slower direction 0.90" in finding.evidence
 
 
 def test_who_is_best_without_friction() -> None:
@@ -105,8 +105,8 @@ def test_the_virtual_robot_is_judged_level_by_level() -> None:
 def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
     """The mean of three is within the band; one is over it, or falls, or is slow in one direction: that is named."""
     follows = criteria.follows_on_robot("none+forward")
-    found = judged(follows, *(rows("none+forward", condition, 1.0) for condition in REAL))
-    assert found.outcome == "reproduces" and "3 of 3 seeds follow" in found.evidence
+    finding = judged(follows, *(rows("none+forward", condition, 1.0) for condition in REAL))
+    assert finding.outcome == "reproduces" and "3 of 3 seeds follow" in finding.evidence
     fast = judged(follows, *(rows("none+forward", condition, 1.195) for condition in REAL))
     assert fast.outcome == "does not" and "2 of 3 seeds follow, 1 too fast" in fast.evidence
     slow = judged(follows, *(rows("none+forward", condition, 1.0, 0.801) for condition in REAL))
@@ -203,8 +203,8 @@ def test_who_falls_over_does_not_stand() -> None:
 
 def walked_by(method: str, condition: Condition, rate: float, episodes: int, robots: int = 0) -> list[Row]:
     """Return rows in which every seed has the same share of falls, in each direction."""
-    beside = {"robots": {str(1000 + robot): 1.0 for robot in range(robots)}} if robots else {}
-    return rows(method, condition, 1.0, fall_rate=rate, episodes=episodes, **beside)
+    robot_rates = {"robots": {str(1000 + robot): 1.0 for robot in range(robots)}} if robots else {}
+    return rows(method, condition, 1.0, fall_rate=rate, episodes=episodes, **robot_rates)
 
 
 def test_walks_of_one_virtual_robot_are_one_trial() -> None:
@@ -248,8 +248,8 @@ def test_where_friction_would_have_shown_is_said_level_by_level() -> None:
     parts = [
         rows("none", Condition("ode-webots", level), ratio) for level, ratio in ((0.0, 1.0), (0.01, 0.97), (0.2, 0.5))
     ]
-    found = judged(webots, *parts)
-    assert (found.outcome, found.evidence[:8]) == ("only above x", "x = 0.01")
+    finding = judged(webots, *parts)
+    assert (finding.outcome, finding.evidence[:8]) == ("only above x", "x = 0.01")
     assert judged(webots, rows("none", PHYSX, 1.0)).outcome == "not tested"
 
 
@@ -283,19 +283,19 @@ def test_jitter_is_compared_while_both_walk() -> None:
     """A robot that lies has no jitter and one that stands hardly any: any walk would be a multiple of it."""
     for lame in ({"fall_rate": 1.0, "joint_jitter": 0.0}, {"joint_jitter": 2.0}):
         none = rows("none", PHYSX, 0.05, **lame)
-        found = judged(JITTERS_ELSEWHERE, none, rows("deception", PHYSX, 1.0))
-        assert (found.outcome, "none stands or falls with seed 0 1 2" in found.evidence) == ("not tested", True)
-        found = judged(JITTERS_ELSEWHERE, rows("none", PHYSX, 1.0), rows("deception", PHYSX, 0.05, **lame))
-        assert found.outcome == "not tested"
+        finding = judged(JITTERS_ELSEWHERE, none, rows("deception", PHYSX, 1.0))
+        assert (finding.outcome, "none stands or falls with seed 0 1 2" in finding.evidence) == ("not tested", True)
+        finding = judged(JITTERS_ELSEWHERE, rows("none", PHYSX, 1.0), rows("deception", PHYSX, 0.05, **lame))
+        assert finding.outcome == "not tested"
 
 
 def on_robots(method: str, condition: Condition, *ratios: float, less: float = 0.0) -> list[Row]:
     """Return rows in which three seeds have the same speed ratios on robots; backward is slower by `less`."""
-    found = rows(method, condition, float(np.mean(ratios)), float(np.mean(ratios)) - less)
-    for row in found:
+    cells = rows(method, condition, float(np.mean(ratios)), float(np.mean(ratios)) - less)
+    for row in cells:
         own = less if row["command"] == "vx=-0.5" else 0.0
         row["robots"] = {str(1000 + number): ratio - own for number, ratio in enumerate(ratios)}
-    return found
+    return cells
 
 
 def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
@@ -303,10 +303,10 @@ def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
     better, condition = criteria.nearer_on_robot("deception", "none+forward"), REAL[0]
     fed = on_robots("none+forward", condition, 0.9, 0.91, 0.89)
     for three, outcome in (((0.95, 0.96, 0.94), "reproduces"), ((0.85, 0.86, 0.84), "does not")):
-        found = judged(better, fed, on_robots("deception", condition, *three, 0.3, 0.3))
-        assert found.outcome == outcome
-        assert "at 0.1 (real) robots counted: 3, left out: 2" in found.evidence
-    assert "none+forward 0.10 " in found.evidence and "deception 0.15 " in found.evidence
+        finding = judged(better, fed, on_robots("deception", condition, *three, 0.3, 0.3))
+        assert finding.outcome == outcome
+        assert "at 0.1 (real) robots counted: 3, left out: 2" in finding.evidence
+    assert "none+forward 0.10 " in finding.evidence and "deception 0.15 " in finding.evidence
     _, read = judge_all(
         Evidence.of([*fed, *on_robots("deception", condition, 0.95, 0.96, 0.94, 0.3, 0.3)]),
         [claim for claim in CLAIMS if claim.id == "X9"],
@@ -319,9 +319,9 @@ def test_robots_on_which_nothing_was_fed_forward_are_counted() -> None:
     """A policy that walks on eight robots of ten, the easy ones, would read as one that walks on all."""
     eight = 4 * (0.91, 0.89)
     fed, none = on_robots("none+forward", REAL[0], *eight), on_robots("none", REAL[0], *eight, 0.3, 0.3)
-    found = judged(criteria.follows_on_robot("none+forward"), fed, none)
-    assert found.outcome == "reproduces"
-    assert found.evidence.endswith("; at 0.1 (real) robots counted: 8, left out: 2")
+    finding = judged(criteria.follows_on_robot("none+forward"), fed, none)
+    assert finding.outcome == "reproduces"
+    assert finding.evidence.endswith("; at 0.1 (real) robots counted: 8, left out: 2")
     assert "left out" not in judged(criteria.follows_on_robot("none+forward"), fed).evidence
 
 
@@ -332,10 +332,10 @@ def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
     """A policy that walks at 10 and 20 % and not with a share of the load does not walk at each level."""
     walks = on_robot("none", criteria.walks("vx=0.5"))
     real = [rows("none", condition, 0.9) for condition in REAL]
-    found = judged(walks, *real, rows("none", BENCH, 0.95), rows("none", LOADED, 0.9))
-    assert found.outcome == "reproduces"
-    assert "at the bench's value, 0.0107: reproduces, none, vx=0.5 0.95" in found.evidence
-    assert "load beside the bench's value: reproduces, at 0.1" in found.evidence
+    finding = judged(walks, *real, rows("none", BENCH, 0.95), rows("none", LOADED, 0.9))
+    assert finding.outcome == "reproduces"
+    assert "at the bench's value, 0.0107: reproduces, none, vx=0.5 0.95" in finding.evidence
+    assert "load beside the bench's value: reproduces, at 0.1" in finding.evidence
     assert judged(walks, *real, rows("none", LOADED, 0.1)).outcome == "undecided"
     assert judged(walks, *real, rows("none", BENCH, 0.1)).outcome == "only above x"
     assert judged(walks, rows("none", BENCH, 0.95)).outcome == "reproduces"
@@ -344,10 +344,10 @@ def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
 def test_levels_at_which_a_way_was_not_walked_are_named() -> None:
     """A sentence that holds at one level of three would read as one that holds at each."""
     others = [rows("direct", condition, 0.9) for condition in (*REAL, BENCH, LOADED)]
-    found = judged(on_robot("none", criteria.walks("vx=0.5")), rows("none", REAL[1], 0.9), *others)
-    assert found.outcome == "reproduces"
-    assert "judged at 0.2 alone, not tested at 0.0107, 0.1" in found.evidence
-    assert "load beside the bench's value: not tested, at 0.1: none, vx=0.5 not evaluated" in found.evidence
+    finding = judged(on_robot("none", criteria.walks("vx=0.5")), rows("none", REAL[1], 0.9), *others)
+    assert finding.outcome == "reproduces"
+    assert "judged at 0.2 alone, not tested at 0.0107, 0.1" in finding.evidence
+    assert "load beside the bench's value: not tested, at 0.1: none, vx=0.5 not evaluated" in finding.evidence
 
 
 def test_a_limit_on_one_axis_is_one_of_the_sentence() -> None:

@@ -66,8 +66,8 @@ def test_bad_input_is_one_line(
     """Status 1, what came, what was expected."""
     begun = tmp_path / "begun"
     (begun / "checkpoints").mkdir(parents=True)
-    given = [argument.replace("{bundle}", str(bundle)).replace("{begun}", str(begun)) for argument in arguments]
-    assert main(["replicate", *but(("--out", str(tmp_path / "out")), *given)]) == 1
+    filled = [argument.replace("{bundle}", str(bundle)).replace("{begun}", str(begun)) for argument in arguments]
+    assert main(["replicate", *but(("--out", str(tmp_path / "out")), *filled)]) == 1
     captured = capsys.readouterr()
     assert message in captured.err
     assert captured.err.count("\n") == 1
@@ -91,7 +91,7 @@ def test_a_plan_names_every_training_and_begins_none(
 
 def test_a_training_that_fails_stops_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One diverged run would cost the days of all others; a net of a policy that is not there cannot be made."""
-    said: list[str] = []
+    messages: list[str] = []
     broken = {"stairs-none-s1": "training diverged", "coulomb20-none-s2": "training diverged"}
     monkeypatch.setattr("stiction_experiments.replication.study.known_joints", lambda *rest: tmp_path / "joints.json")
     monkeypatch.setattr(
@@ -101,18 +101,18 @@ def test_a_training_that_fails_stops_nobody(tmp_path: Path, monkeypatch: pytest.
         "stiction_experiments.friction.training.train_missing",
         lambda places, *rest, **more: {at.run.name: broken[at.run.name] for at in places if at.run.name in broken},
     )
-    found = train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, said.append)
-    assert not isinstance(found, int)
-    folders, failed = found
+    trained = train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, messages.append)
+    assert not isinstance(trained, int)
+    folders, failed = trained
     assert set(failed) == {*broken, "coulomb20-actuator-s2", "coulomb20-actuator-output-s2"}
     assert failed["coulomb20-actuator-s2"].startswith("coulomb20-none-s2 failed")
     names = {folder.name for folder in folders}
     assert {"stairs-none-s0", "coulomb20-actuator-s1", "coulomb20-direct-s2"} <= names
     assert not names & set(failed)
-    assert all(f"{name} is left out: {reason}" in said for name, reason in failed.items())
+    assert all(f"{name} is left out: {reason}" in messages for name, reason in failed.items())
     monkeypatch.setattr(
         "stiction_experiments.friction.training.train_missing",
         lambda places, *rest, **more: {at.run.name: "no room" for at in places},
     )
     with pytest.raises(StictionError, match="could be trained"):
-        train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, said.append)
+        train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, messages.append)

@@ -158,8 +158,8 @@ def test_friction_alone_and_coefficients_are_no_user_s() -> None:
     """The cell by which causes are told apart is no robot, and a coefficient is not known of a joint."""
     rows = [cell("none", "physx+friction", 0.1, 3), cell("none", "physx+all", 0.1, 0, slow=3)]
     load = replace(rows[1], friction_law="load", engine="mujoco")
-    found = replace(RESULT, following=[*rows, load]).needs
-    assert found == (rows[1],)
+    needs = replace(RESULT, following=[*rows, load]).needs
+    assert needs == (rows[1],)
 
 
 def test_an_onset_is_in_the_units_of_its_law() -> None:
@@ -235,7 +235,7 @@ def test_friction_fed_forward_stands_beside_what_it_replaces() -> None:
 
 
 def test_stairs_have_both_intervals() -> None:
-    """Of the seeds, and of the crossings."""
+    """Shows the interval over seeds and that over crossings."""
     crossed = sample("vx=0.4", "crossed", 0.9, terrain="stairs=0.08", trials=40, trials_low=0.77, trials_high=0.96)
     sheet = stairs_sheet(
         [crossed, replace(crossed, column="steps_climbed", mean=11.5, trials_low=None, low=11.0, high=12.0)]

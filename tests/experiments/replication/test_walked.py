@@ -39,7 +39,7 @@ def test_a_policy_that_is_told_friction_is_told_what_the_bench_found(
 ) -> None:
     """2.5 N m on a bench is 10 % of the limit of hip and thigh; the nominal friction of its training is 20 %.
 
-    If this failed, it would be told of every virtual robot what its contract says, and the page would not say what.
+    Virtual robots tell their benches' friction, and the page says so.
     """
     kinds = {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
     contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=kinds)
@@ -47,31 +47,31 @@ def test_a_policy_that_is_told_friction_is_told_what_the_bench_found(
 
     def make(bench: Bench, folder: Path, workers: int) -> None:
         folder.mkdir(parents=True)
-        found = JointRecord(coulomb_friction=Estimate(2.5, 0.1, (2.0, 3.0)))
-        JointsFile(dict.fromkeys(bench.spec.joint_names, found)).write(folder / "joints.json")
+        result = JointRecord(coulomb_friction=Estimate(2.5, 0.1, (2.0, 3.0)))
+        JointsFile(dict.fromkeys(bench.spec.joint_names, result)).write(folder / "joints.json")
 
     monkeypatch.setattr("stiction.virtual.bench.identify_on_bench", make)
     monkeypatch.setattr(benches, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
     grid = replace(FLAT, engines=("mujoco", "mujoco-alone+all"), robots=(3,), robot_levels=("0.3",))
-    found = replicate([told], [replace(FIRST, grid=grid)], tmp_path)
-    given = {(row["engine"], row["friction_level"]): row["known_friction"] for row in found.parts[0].details}
-    assert given["mujoco", 0.1]["data sheet"] == pytest.approx((0.1, 0.1, 0.1))
-    ((robot, share),) = next(known for (engine, _), known in given.items() if engine == "mujoco-alone+all").items()
+    result = replicate([told], [replace(FIRST, grid=grid)], tmp_path)
+    shares = {(row["engine"], row["friction_level"]): row["known_friction"] for row in result.parts[0].details}
+    assert shares["mujoco", 0.1]["data sheet"] == pytest.approx((0.1, 0.1, 0.1))
+    ((robot, share),) = next(known for (engine, _), known in shares.items() if engine == "mujoco-alone+all").items()
     limits = find_robot("saturn_lite").joint_values("torque_limit")[:3]
     assert robot == "3" and share == pytest.approx(2.5 / limits)
-    assert found.summary["told"] == TOLD and TOLD.partition("`")[0] in "".join(run_blocks(found))
+    assert result.summary["told"] == TOLD and TOLD.partition("`")[0] in "".join(run_blocks(result))
 
 
 def test_what_could_not_be_walked_is_said_before_the_numbers(
     still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A robot that is left out would be missing from one way alone, and nobody would see it; kept or walked now."""
-    said = ["Robot 4 is left out"]
+    sentences = ["Robot 4 is left out"]
     monkeypatch.setattr(
-        walked, "forward_notes", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
+        walked, "forward_notes", lambda bundles, grid, benches: sentences if benches.parent.name == "first" else []
     )
     result = replicate([still], (FIRST, SECOND), tmp_path)
-    assert [part.warnings for part in result.parts] == [said, []]
+    assert [part.warnings for part in result.parts] == [sentences, []]
     assert "The first part. Robot 4 is left out" in warnings(result)
 
 
@@ -100,6 +100,6 @@ def test_what_is_fed_forward_is_walked_plain_in_another_part(size: Size) -> None
     parts = {part.name: part for part in parts_of(size)}
     # Plain walks know no way to feed, and go by the first name of those.
     grid = replace(parts["forward"].grid, forward=("a",), forward_by=("error",))
-    beside = set(plan(["a"], parts["robot"].grid))
+    planned = set(plan(["a"], parts["robot"].grid))
     assert plan(["a"], grid) == []
-    assert plan_forward(grid) and set(plan_forward(grid)) <= beside
+    assert plan_forward(grid) and set(plan_forward(grid)) <= planned

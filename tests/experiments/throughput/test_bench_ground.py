@@ -32,5 +32,5 @@ def test_all_are_the_same_stairs(ground: str) -> None:
 def test_the_command_prints_ratios(capsys: pytest.CaptureFixture) -> None:
     """The choice of boxes could not be checked on another machine."""
     assert main(["bench", "--ground", "--robot", "go1", "--num-envs", "2", "--blocks", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["over_plane"]["plane"] == 1.0 and set(found["over_plane"]) == set(GROUNDS)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["over_plane"]["plane"] == 1.0 and set(printed["over_plane"]) == set(GROUNDS)

@@ -32,8 +32,8 @@ def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path,
     files = {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
     assert len(files) == 6 and (out / "wear.png").stat().st_size > 1000
     assert main([*words, "--no-control", "--overwrite"]) == 0
-    said = capsys.readouterr().out
-    assert "saturn_lite-flat-none-0.2 at level 0.3: " in said
+    output = capsys.readouterr().out
+    assert "saturn_lite-flat-none-0.2 at level 0.3: " in output
     assert files == {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
     page = (out / "report.html").read_text()
     assert "None of these bundles has a wear monitor" in page and "false alarms are not known" in page
@@ -49,7 +49,7 @@ def test_a_command_beyond_the_training_is_said_to_be(tmp_path: Path, capsys) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "text"),
     [
         (("--joint", "knee"), "unknown joint 'knee'; known: "),
         (("--levels", "2"), "friction level '2'"),
@@ -59,11 +59,11 @@ def test_a_command_beyond_the_training_is_said_to_be(tmp_path: Path, capsys) -> 
         (("--jobs", "0"), "--jobs 0"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(words: tuple[str, ...], said: str, tmp_path: Path, capsys) -> None:
+def test_what_makes_no_sense_is_refused_in_one_line(words: tuple[str, ...], text: str, tmp_path: Path, capsys) -> None:
     """Before a robot walks."""
     assert main(["study", "wear", "saturn_lite-flat-none-0.2", *but((*SHORT, "--out", str(tmp_path)), *words)]) == 1
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert text in error and error.count("\n") == 1
 
 
 def test_no_bundle_is_wrong_usage_and_one_that_is_not_there_a_failure(tmp_path: Path, capsys) -> None:

@@ -51,8 +51,8 @@ def zipped(ends: tuple[float | None, ...]) -> dict[str, float | None]:
 
 def test_windows_by_hand() -> None:
     """Ten steps of 0.1 s, the first two left out, windows of 0.4 s every 0.2 s: 2..5, 4..7, 6..9."""
-    found = ratios(np.arange(10.0), 0.1, 0.2, 0.4, 0.2)
-    np.testing.assert_allclose(found, [(0.6, 3.5), (0.8, 5.5), (1.0, 7.5)])
+    starts = ratios(np.arange(10.0), 0.1, 0.2, 0.4, 0.2)
+    np.testing.assert_allclose(starts, [(0.6, 3.5), (0.8, 5.5), (1.0, 7.5)])
     assert ratios(np.arange(5.0), 0.1, 0.2, 0.4, 0.2) == []
 
 
@@ -122,7 +122,7 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
 
 
 def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
-    """What falls while it crawls had ended before; what falls before a window is over has fallen."""
+    """A fall after a window that is too slow does not count; a fall before the first window does."""
     assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
     assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("too slow", 4.0, 30.0)
     assert ending([], (3.0, 0.4)) == Ending("fell", 0.4, 3.0)
@@ -130,9 +130,9 @@ def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
 
 def test_growth_is_detected_by_intervals_that_do_not_meet() -> None:
     """0.05 to 0.07 at first: 0.06 to 0.08 may be the same friction, 0.08 to 0.10 is not."""
-    said = [reading(10, 0.05), reading(20, 0.06), reading(30, 0.08), reading(40, 0.09)]
-    assert first_grown(said) is said[2]
-    assert first_grown(said[:2]) is None and first_grown([]) is None and first_grown([reading(10, None)]) is None
+    readings = [reading(10, 0.05), reading(20, 0.06), reading(30, 0.08), reading(40, 0.09)]
+    assert first_grown(readings) is readings[2]
+    assert first_grown(readings[:2]) is None and first_grown([]) is None and first_grown([reading(10, None)]) is None
 
 
 def noticed(seen: Reading | None, readings: list[Reading], ended: Ending) -> str:
@@ -142,14 +142,14 @@ def noticed(seen: Reading | None, readings: list[Reading], ended: Ending) -> str
 
 def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
     """A monitor that finds the unworn robot unusual has noticed no wear."""
-    said = [reading(10, 0.05), reading(20, 0.06, unusual=True), reading(30, 0.08)]
+    readings = [reading(10, 0.05), reading(20, 0.06, unusual=True), reading(30, 0.08)]
     over = Ending("too slow", 2.0, 20.0)
-    assert [noticed(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
-    assert noticed(said[2], said, Ending("alive")) == "before"
+    assert [noticed(one, readings, over) for one in (*readings, None)] == ["at once", "before", "after", "never"]
+    assert noticed(readings[2], readings, Ending("alive")) == "before"
 
 
 def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
-    """Of four robots one is unusual at once, one later, one after a fall; growth is detected in one: 3 and 1 of 4.
+    """Unusual are three of four robots, at once, later, and after a fall; growth is detected in one: 3 and 1 of 4.
 
     Wilson, z² = 3.8415, of 3 in 4: (0.75 + 0.48018 ± 1.96 √(0.046875 + 0.060023)) / 1.96036.
     """
@@ -161,14 +161,14 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
         (windows(1.0), [quiet[0], reading(20, 0.06, unusual=True)], (15.0, 0.3)),
     ]
     rows = [judge_robot(WHAT | {"steady": 0.3}, [Seen(*one)], True) for one in heard]
-    found = control(rows)
-    assert (found["steady"], found["robots"], found["read"]) == (0.3, 4, 4)
-    assert found["ends"] == {"alive": 3, "fell": 1}
-    assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
+    summary = control(rows)
+    assert (summary["steady"], summary["robots"], summary["read"]) == (0.3, 4, 4)
+    assert summary["ends"] == {"alive": 3, "fell": 1}
+    assert summary["alarms"] == {"unusual": 3, "grown": 1} and summary["at_once"] == {"unusual": 1, "grown": 0}
     half = 1.95996 * sqrt(0.046875 + 0.060023)
     ends = [(0.75 + 0.48018 - half) / 1.96036, (0.75 + 0.48018 + half) / 1.96036]
-    assert found["interval95"]["unusual"] == pytest.approx(ends, abs=1e-4)
-    assert found["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
+    assert summary["interval95"]["unusual"] == pytest.approx(ends, abs=1e-4)
+    assert summary["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
 
 
 def test_walks_in_which_nothing_grew_are_controls() -> None:
@@ -185,8 +185,8 @@ def test_walks_in_which_nothing_grew_are_controls() -> None:
 
 def test_the_row_of_a_walk() -> None:
     """Ends at x4; unusual at x8 is late, growth at x2 in time; two of three intervals hold 0.06."""
-    said = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
-    row = judge_robot(WHAT, [Seen(windows(1.0, 0.9, 0.7, 0.2), said, None)], True)
+    readings = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
+    row = judge_robot(WHAT, [Seen(windows(1.0, 0.9, 0.7, 0.2), readings, None)], True)
     assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("too slow", 4.0, 30.0, 1.0, 0.2)
     assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("after", 8.0, "before", 2.0)
     assert row.held == pytest.approx(2 / 3)

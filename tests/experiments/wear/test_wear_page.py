@@ -84,8 +84,8 @@ def written(
     settings = {"engine": "physx", "cell": "all", "settle": 2.0, "window": 10.0}
     settings |= {"commands": ["vx=0.5", "vx=-0.5"], "wear": wear}
     made = {"command": "stiction study wear p", "revision": "abc", "machine": {"cpu": "a processor"}}
-    found = {"settings": settings, "groups": [GROUP], "ways": []} | changes
-    write_report(out, report(lifetimes, windows, readings, found), made | {"warnings": warnings or []})
+    summary = {"settings": settings, "groups": [GROUP], "ways": []} | changes
+    write_report(out, report(lifetimes, windows, readings, summary), made | {"warnings": warnings or []})
     return (out / "report.html").read_text()
 
 
@@ -112,9 +112,9 @@ def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> No
 
 
 def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
-    """What a bench found is another friction for every joint: there is no share of the torque limit to name."""
-    said = lead([GROUP | {"friction_level": "bench"}], BOTH_WAYS)
-    assert said == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
+    """Friction of a bench differs from joint to joint, and is no share of the torque limit."""
+    sentence = lead([GROUP | {"friction_level": "bench"}], BOTH_WAYS)
+    assert sentence == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
 
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"commands": ("stand",)}, "asks for motion"),
         ({"commands": ()}, "commands: got none, expected at least one, each once"),
@@ -150,7 +150,7 @@ def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
         ({"every": 0.0}, "windows that fit"),
     ],
 )
-def test_what_cannot_be_worn_out_is_refused(change: dict, said: str) -> None:
+def test_what_cannot_be_worn_out_is_refused(change: dict, message: str) -> None:
     """Before anything walks, in one line."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         replace(SHORT, **change)

@@ -1,1 +1,1 @@
-"""What every engine must do, measured against exact solutions."""
+"""Conformance tests of engines against exact solutions."""

@@ -101,8 +101,8 @@ def long_fall(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
 def joint_order(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Response of every joint and of the trunk to a torque at each joint, all legs at different angles."""
     angles = spec.joint_values("default_position") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
-    found, wanted = (_responses(maker, spec, timestep, angles) for maker in (make, MujocoEngine))
-    error = np.abs(found - wanted).max(axis=0) / np.abs(wanted).max(axis=0)
+    responses, wanted = (_responses(maker, spec, timestep, angles) for maker in (make, MujocoEngine))
+    error = np.abs(responses - wanted).max(axis=0) / np.abs(wanted).max(axis=0)
     engine = make(Body.nominal(spec), flat(), timestep)
     engine.reset(angles, np.array([0.0, 0.0, HEIGHT]), UPRIGHT)
     joints = spec.num_joints

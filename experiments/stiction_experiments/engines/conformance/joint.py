@@ -39,7 +39,7 @@ AGAINST = 5.0
 """Torque with which a joint is driven against its limit [N m]."""
 
 SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
-"""Of the controlled joint: frequency [Hz] and largest amplitude [rad] of its target, friction over its torque limit."""
+"""Frequency [Hz] and largest amplitude [rad] of the controlled joint's target, friction over its torque limit."""
 
 
 def hinge_inertia(spec: Robot) -> float:

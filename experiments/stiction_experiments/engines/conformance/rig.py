@@ -32,7 +32,7 @@ class Figure:
 
     @property
     def passed(self) -> bool:
-        """Whether the figure is within its tolerance; NaN is not."""
+        """Return whether the figure is within its tolerance; NaN is not."""
         return bool(abs(self.value) <= self.tolerance)
 
     def __str__(self) -> str:
