@@ -104,7 +104,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["none.csv"], "no log at none.csv; expected"),
         (["swing.cvs"], "no log at swing.cvs; did you mean 'swing.csv'? expected"),
@@ -125,7 +125,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(
-    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, arguments: list[str], said: str
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, arguments: list[str], message: str
 ) -> None:
     """No traceback, nothing on standard output, one line on standard error."""
     monkeypatch.chdir(log.parent)
@@ -137,7 +137,7 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.strip()]
     assert captured.out == "" and len(lines) == 1
-    assert lines[0].startswith("stiction identify: ") and said in lines[0]
+    assert lines[0].startswith("stiction identify: ") and message in lines[0]
 
 
 def test_every_joint_of_a_log_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -42,20 +42,20 @@ OF_ROS = frozenset({"rclpy", "sensor_msgs", "std_msgs"})
 
 def forbidden_calls(tree: ast.Module) -> list[str]:
     """Return what would execute code from a file: pickles, eval and exec, torch's save and load."""
-    found = [f"import {name}, line {line}" for name, line in imports(ast.walk(tree)) if name.split(".")[0] in PICKLES]
+    calls = [f"import {name}, line {line}" for name, line in imports(ast.walk(tree)) if name.split(".")[0] in PICKLES]
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             if called in {"eval", "exec", "torch.load", "torch.save"}:
-                found.append(f"{called}(), line {node.lineno}")
-            found += [
+                calls.append(f"{called}(), line {node.lineno}")
+            calls += [
                 f"allow_pickle, line {node.lineno}"
                 for keyword in node.keywords
                 if keyword.arg == "allow_pickle" and ast.unparse(keyword.value) != "False"
             ]
         elif isinstance(node, ast.ImportFrom) and node.module == "torch":
-            found += [f"torch.{a.name}, line {node.lineno}" for a in node.names if a.name in {"load", "save"}]
-    return found
+            calls += [f"torch.{a.name}, line {node.lineno}" for a in node.names if a.name in {"load", "save"}]
+    return calls
 
 
 def loaded(start: Path) -> dict[str, list[str]]:
@@ -78,8 +78,8 @@ def loaded(start: Path) -> dict[str, list[str]]:
 def test_the_rules_find_what_they_forbid() -> None:
     """If this failed, the rules would stand on paper only."""
     source = "from ..sim import native\nfrom . import log\nimport numpy\ndef f():\n    from stiction.task import env\n"
-    found = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
-    assert found == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
+    modules = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
+    assert modules == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
     lazy = ast.parse("import rich\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import mujoco\n")
     assert imports(imports_at_the_top(lazy)) == [("rich", 1)]
     assert loaded(HOUSE / "robots/mjcf.py")["mujoco"] == ["robots/mjcf.py"]
@@ -147,7 +147,7 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
 def test_nothing_executes_what_it_reads() -> None:
     """If this failed, opening a log, a checkpoint or a bundle could run somebody's code."""
-    assert not {NAMES[path]: found for path in MODULES if (found := forbidden_calls(tree_of(path)))}
+    assert not {NAMES[path]: calls for path in MODULES if (calls := forbidden_calls(tree_of(path)))}
 
 
 OF_OTHERS = re.compile("dreamwaq|hinf|H∞|disturber|finetune|context-aided", re.IGNORECASE)
@@ -165,9 +165,9 @@ NAMED = {
 
 def test_the_product_knows_no_method_of_other_papers() -> None:
     """They are found by their names, so that the product neither imports nor explains them."""
-    found = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
-    assert {name for name, count in found.items() if count} == NAMED.keys()
-    assert sum(found.values()) < 15
+    counts = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
+    assert {name for name, count in counts.items() if count} == NAMED.keys()
+    assert sum(counts.values()) < 15
 
 
 def test_modules_and_functions_stay_readable() -> None:

@@ -140,15 +140,15 @@ class Loaded(HTMLParser):
     def __init__(self) -> None:
         """Begin with nothing."""
         super().__init__()
-        self.found: list[str] = []
+        self.sources: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Keep addresses of what is shown or run, not of what is only linked to."""
-        said = dict(attrs)
+        attributes = dict(attrs)
         if tag in ("script", "img", "iframe", "source", "video", "audio"):
-            self.found += [said["src"] or ""] if "src" in said else []
-        elif tag == "link" and said.get("rel") not in ("canonical", "next", "prev"):
-            self.found += [said["href"] or ""] if "href" in said else []
+            self.sources += [attributes["src"] or ""] if "src" in attributes else []
+        elif tag == "link" and attributes.get("rel") not in ("canonical", "next", "prev"):
+            self.sources += [attributes["href"] or ""] if "href" in attributes else []
 
 
 @pytest.mark.slow
@@ -164,6 +164,6 @@ def test_the_site_builds_and_loads_nothing_from_the_net(tmp_path: Path) -> None:
     for page in pages:
         reader = Loaded()
         reader.feed(page.read_text(encoding="utf-8"))
-        assert not [name for name in reader.found if "//" in name], page
+        assert not [name for name in reader.sources if "//" in name], page
     styles = "".join(path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.css"))
     assert not re.search(r"@import|url\(['\"]?(https?:)?//", styles)

@@ -41,9 +41,9 @@ def test_the_page_says_what_its_commands_print(
     # The last digit is the machine's.
     np.testing.assert_allclose(np.float64([row[2:] for row in rows]), np.float64(printed), rtol=2e-3)
     np.testing.assert_allclose([float(row[1]) for row in rows], np.degrees(made["FRICTION"] / made["KP"]), atol=0.006)
-    found = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]
+    joints = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]
     for name, friction in zip(made["NAMES"], made["FRICTION"], strict=True):
-        low, high = found[name]["dead_band"]["interval95"]
+        low, high = joints[name]["dead_band"]["interval95"]
         assert low < friction / made["KP"] < high < 1.024 * low, name
     assert "stiction convert" not in told.out and "--set motor_strength=1" in told.out.splitlines()[4]
     assert "--position-scale" not in told.out and LEROBOT in open_log(Path("arm.parquet")).notes

@@ -85,5 +85,5 @@ def test_rows_that_fail_come_first_and_all_good_ones_are_one_line() -> None:
 def test_no_robot_has_a_gait_that_is_not_its_own(gait: str, heading: str | None) -> None:
     """Four feet trot; two have no contact groups at all."""
     text = results_table(GOOD, [{}] * len(GOOD), gait) + definitions_table(GOOD, gait)
-    found = {word for word in ("tripod", "trot") if f">{word}<" in text or f">{word} [" in text}
-    assert found == ({heading} if heading else set())
+    gaits = {word for word in ("tripod", "trot") if f">{word}<" in text or f">{word} [" in text}
+    assert gaits == ({heading} if heading else set())

@@ -70,8 +70,8 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
     results(tmp_path)
     page = write_excitation_page(tmp_path).read_text(encoding="utf-8")
     assert page.count('class="drawing"') == 3
-    for said in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", ">10<", "mind the step", "bare_motor"):
-        assert said in page, said
+    for text in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", ">10<", "mind the step", "bare_motor"):
+        assert text in page, text
     assert "stiction identify LOG.csv" in page and "<td>N m" not in page and "coulomb_friction [N m]" in page
 
 
