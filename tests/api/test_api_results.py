@@ -1,4 +1,4 @@
-"""What the public functions return: three lines, a table without scripts, the verb's JSON and files."""
+"""Return values of the public functions: three lines, a table without scripts, the verb's JSON and files."""
 
 from __future__ import annotations
 

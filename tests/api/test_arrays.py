@@ -24,7 +24,7 @@ def test_arrays_by_joint_become_a_log() -> None:
 
 
 class Frame:
-    """What pandas and polars have in common."""
+    """Minimal stand-in for a pandas or polars table."""
 
     def __init__(self, **columns: np.ndarray) -> None:
         """Take the columns."""
@@ -86,7 +86,7 @@ def test_an_option_that_there_is_not_is_named_with_the_nearest() -> None:
 
 
 def test_matrices_are_joints_by_name() -> None:
-    """Of shape (T, joints), with a name each, or numbers."""
+    """Matrices of shape (T, joints) give one joint per column, named by `names` or numbered."""
     both = np.column_stack([np.sin(TIME), np.cos(TIME)])
     log = stiction.from_arrays(time=TIME, position=both, torque=both, names=["hip", "knee"])
     assert list(log.joints) == ["hip", "knee"]

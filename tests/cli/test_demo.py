@@ -88,7 +88,7 @@ def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monke
 def test_an_altered_bundle_stops_the_demo_in_one_line(
     bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """What does not pass its check is not shown as if it had."""
+    """Refuses a bundle that fails its check and names the altered file."""
     (Path(bundles[0]) / "card.md").write_text("altered")
     assert main(["demo", "--out", str(tmp_path / "demo"), "--bundles", *bundles, *SHORT]) == 1
     assert "card.md" in capsys.readouterr().err.splitlines()[-1]

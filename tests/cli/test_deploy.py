@@ -222,7 +222,7 @@ def test_a_motion_is_cut_by_the_duration(tmp_path: Path, motion: str, capsys: py
 
 
 def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a folder of another kind would be told to lack card.md, and an empty run would be left behind."""
+    """Refuses a folder that is not a policy bundle, and creates no output folder."""
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
     assert "is not a policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()

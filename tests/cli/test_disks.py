@@ -83,7 +83,7 @@ GROW = (".jsonl", ".log", ".lock")
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the verbs read: logs, a robot's joints, a run and half of one, bundles, a network of others, a key."""
+    """Write the inputs of all verbs: logs, identified joints, a full and a partial run, bundles, an ONNX file, a key."""
     from bundles import make_bundle, make_contract
 
     folder = tmp_path_factory.mktemp("inputs")

@@ -55,7 +55,7 @@ def test_a_foreign_log_by_mapping_and_flags(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_no_page_where_none_is_wanted(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Who reads joints.json in a loop does not wait for figures, and is told of no page."""
+    """Writes joints.json alone with page=false, and mentions no page."""
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--set", "page=false"]) == 0
     assert capsys.readouterr().out.endswith("/out/joints.json\n")
     assert not (tmp_path / "out" / "report.html").exists() and (tmp_path / "out" / "joints.json").exists()

@@ -39,11 +39,11 @@ class Block:
     page: str
     """Name of the page."""
     line: int
-    """Where it begins."""
+    """First line."""
     language: str
-    """What stands behind its fence."""
+    """Language named after the opening fence."""
     text: str
-    """What is in it."""
+    """Content."""
     how: str = "run"
     """`run`, `parse` or `skip`."""
     reason: str = ""

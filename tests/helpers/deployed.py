@@ -61,9 +61,9 @@ class Run:
     cfg: SupervisorCfg = SHORT
     source: Motion | None = None
     target: np.ndarray = field(default_factory=lambda: STANDING + 0.05)
-    """What the policy asks for."""
+    """Joint targets of the policy [rad]."""
     perfect: bool = True
-    """Whether joints are where they are asked to be."""
+    """True if joints follow their targets exactly."""
 
     def __post_init__(self) -> None:
         """Begin at time 0."""

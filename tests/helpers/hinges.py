@@ -23,7 +23,7 @@ class Hinges:
         self.body, self.timestep = body, timestep
         self._inertia, self._weight = link + body.armature, weight
         self.force, self.torque = np.zeros_like(body.armature), np.zeros_like(body.armature)
-        """What the joints are said to transmit."""
+        """Forces and torques that the joints report."""
         self.torques, self.bounds = [], []
         """Every step's torques and bounds."""
         self.reset(np.zeros_like(body.armature), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -24,7 +24,7 @@ from stiction.core.errors import StictionError
 from stiction.core.memory import limit_memory
 
 MEMORY = 2**29
-"""What the readers are given [B]; a table may take a quarter of it."""
+"""Memory limit of the readers [B]; a table may take a quarter of it."""
 
 SECONDS = 60
 """Processor time for all attacks together, imports included [s]: before they were mended one alone took 110 s."""

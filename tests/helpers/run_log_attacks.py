@@ -56,7 +56,7 @@ LONGEST = 5.0
 """No log may take longer to be read [s]."""
 
 MEMORY = 2**29
-"""What reading may take [B]; a table may take a quarter of it."""
+"""Memory limit of reading [B]; a table may take a quarter of it."""
 
 HALVES, RATE, FEET = 8, 500, 6
 """Half seconds of the run, readings a second, feet."""
@@ -65,7 +65,7 @@ MOVED = 2
 """Joints that move in a played motion."""
 
 RUN, OTHER = "0123456789abcdef", "fedcba9876543210"
-"""What tells one run from another."""
+"""Identifiers of two runs."""
 
 HEADERS = {
     kind: RunLogHeader(
@@ -316,7 +316,7 @@ IDENTIFIED = ("nothing", "middle missing", "name of control characters")
 """Attacks that leave a log to be taken, which is then identified too."""
 
 REFUSED, TAKEN, NOTED = "refused", "taken", "noted"
-"""What must come of an attack: one line; the whole run; what is left of it, and that something is missing."""
+"""Outcomes of an attack: refused in one line; read whole; the rest read, with a note on what is missing."""
 
 
 def made() -> Iterator[tuple[str, Change, str]]:

@@ -77,7 +77,7 @@ HOLDS = {
 
 
 class WebotsSyntaxError(Exception):
-    """What Webots would complain of, or skip without a word."""
+    """Syntax that Webots rejects or silently skips."""
 
 
 @dataclass

@@ -168,4 +168,4 @@ def test_who_has_only_this_repository_can_type_what_the_pages_identify(
 
 
 NUMBERS = ("kp", "kd", "torque_limit")
-"""What a sidecar says as a number."""
+"""Numeric fields of a sidecar."""

@@ -1,7 +1,7 @@
-"""What no linter says of the house: nothing executes what it reads, verbs load late, dependencies are declared.
+"""Rules beyond linters: no file is executed when read, verbs import late, dependencies are declared.
 
-Who may import whom is in the import contracts of pyproject.toml, which `make check` holds up. The rules are functions
-of a syntax tree, so each is shown to find what it forbids before it is turned on the house.
+Import contracts are in pyproject.toml and checked by `make check`. Rules are functions of a syntax tree, each tested on
+code that it forbids before it is applied to the house.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def loaded(start: Path) -> dict[str, list[str]]:
 
 
 def test_the_rules_find_what_they_forbid() -> None:
-    """If this failed, the rules would stand on paper only."""
+    """The import scanners resolve relative, lazy and transitive imports."""
     source = "from ..sim import native\nfrom . import log\nimport numpy\ndef f():\n    from stiction.task import env\n"
     modules = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
     assert modules == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
@@ -102,13 +102,13 @@ def test_the_rules_find_what_they_forbid() -> None:
     ],
 )
 def test_code_that_executes_files_is_found(source: str) -> None:
-    """If this failed, a file from a stranger could run code."""
+    """Reports each call that executes a file, and no harmless call of a similar name."""
     assert len(forbidden_calls(ast.parse(source))) == 1
     assert not forbidden_calls(ast.parse("model.eval()\nnp.load('a', allow_pickle=False)\njson.load(file)"))
 
 
 def test_every_package_imported_is_a_declared_dependency() -> None:
-    """If this failed, the program would work here by the accident of what else is installed."""
+    """Every imported package is in the dependencies of pyproject.toml."""
     declared: set[str] = set()
     # Packages that need not be installed, and whose distribution has another name.
     distributions = {"bam": ["better-actuator-models"]} | metadata.packages_distributions()
@@ -134,9 +134,9 @@ def test_training_needs_no_package_of_another_device_or_logger() -> None:
 
 
 def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
-    """If this failed, `stiction VERB --help` would need torch or a simulator, and take seconds.
+    """Verbs and studies import torch and simulators only when called.
 
-    What a verb's flags are made of, configuration without libraries, may be imported at the top.
+    Configuration of a verb's flags, which needs no libraries, may be imported at the top.
     """
     light = sys.stdlib_module_names | {"stiction", "stiction_experiments", "rich", "numpy"}
     early = [path for path in MODULES if NAMES[path].startswith("cli/") or path.name in ("study.py", "verb.py")]
@@ -146,7 +146,7 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
 
 def test_nothing_executes_what_it_reads() -> None:
-    """If this failed, opening a log, a checkpoint or a bundle could run somebody's code."""
+    """No module unpickles or executes a file."""
     assert not {NAMES[path]: calls for path in MODULES if (calls := forbidden_calls(tree_of(path)))}
 
 
@@ -171,7 +171,7 @@ def test_the_product_knows_no_method_of_other_papers() -> None:
 
 
 def test_modules_and_functions_stay_readable() -> None:
-    """If this failed, a module would have more than one reason to exist, or a function would not fit a screen."""
+    """Modules and functions stay below their maximum lengths."""
     assert not [NAMES[path] for path in MODULES if len(path.read_text().splitlines()) > LONGEST_MODULE]
     functions = [
         (NAMES[path], node)

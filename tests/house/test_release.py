@@ -1,4 +1,4 @@
-"""What is released: distributions that hold everything, a workflow that trusts no tag, a site that needs no net."""
+"""Releases: complete distributions, a workflow that trusts no tag, a site that needs no network."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_script_finds_the_helpers_of_tests(use: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
-    """Who installs the one, or builds from the other, would lack policies, page templates, types or the licence."""
+    """Wheel and source distribution hold the whole package, with policies, templates, types and the licence."""
     wheel, sdist = script("dist").distributions(CHECKOUT, tmp_path)
     packed = script("dist").contents(wheel)
     source = [path for path in (CHECKOUT / "src/stiction").rglob("*") if path.is_file()]
@@ -135,7 +135,7 @@ def test_pull_requests_are_tried_on_every_system_and_python_that_is_meant() -> N
 
 
 class Loaded(HTMLParser):
-    """What a page makes a browser load."""
+    """Addresses that a page makes a browser load."""
 
     def __init__(self) -> None:
         """Begin with nothing."""

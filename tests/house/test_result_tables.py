@@ -18,7 +18,7 @@ LEVEL = re.compile(r"(\d+(?:\.\d+)?) %$")
 """The end of a column's title: friction in per cent of the torque limit."""
 
 WHO = ("design", "what", "who", "told", "policy", "seed", "run", "engine", "physics", "terrain", "timestep")
-"""What tells policies and conditions of one file apart."""
+"""Columns that identify policy and condition of a row."""
 
 ROUNDED = 0.0051
 """Half of the last digit that is written, and what floats err by."""
@@ -89,7 +89,7 @@ def everybody() -> list[Speeds]:
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(RESULTS)))
 def test_every_row_is_one_that_was_walked(path: Path, rows: list[Speeds]) -> None:
-    """If this failed, a number on a page would be of nobody, by a slip of the pen or by rows that came after it."""
+    """Every row of speeds on a page rounds those of one measured row."""
     strange = [
         line
         for line, speeds, _ in written(path.read_text())

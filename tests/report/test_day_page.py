@@ -196,7 +196,7 @@ def test_what_is_damaged_or_mixed_up_is_refused_in_one_line(
 
 
 def test_a_second_prediction_of_a_cell_is_refused(day: Path) -> None:
-    """Of two friction levels nobody knows which is the condition's."""
+    """Refuses a second prediction of one condition and policy."""
     predicted(day, "plain", "none", 1.0).rename(day / "plain/again")
     predicted(day, "plain", "none", 0.5)
     with pytest.raises(StictionError, match="second prediction of plain, none"):
@@ -219,7 +219,7 @@ def test_a_folder_that_is_no_day_is_refused(
 
 @pytest.mark.slow
 def test_a_day_on_a_virtual_robot(tmp_path: Path) -> None:
-    """What deploy writes of a walk is all that the page needs."""
+    """The page needs only what `deploy` writes."""
     policy = "saturn_lite-flat-deception-0.2"
     words = ["deploy", policy, "--armed", "--command", "vx=0.4", "--duration", "1", "--json", "--robot-cell", "sensors"]
     words += [

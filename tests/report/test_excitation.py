@@ -76,7 +76,7 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
 
 
 def test_a_design_survives_its_file(tmp_path: Path) -> None:
-    """What is written is what is read, rows included."""
+    """A design reads back as it was written, rows included."""
     results(tmp_path)
     again = load_design(tmp_path / "design.json")
     assert json.dumps(again.to_dict()) == json.dumps(DESIGN.to_dict())
