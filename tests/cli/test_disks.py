@@ -83,7 +83,7 @@ GROW = (".jsonl", ".log", ".lock")
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the inputs of all verbs: logs, identified joints, a full and a partial run, bundles, an ONNX file, a key."""
+    """Write inputs of all verbs: logs, identified joints, a full and a partial run, bundles, an ONNX file, a key."""
     from bundles import make_bundle, make_contract
 
     folder = tmp_path_factory.mktemp("inputs")
