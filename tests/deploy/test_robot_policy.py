@@ -67,18 +67,18 @@ def test_joints_come_by_name_in_any_order(contract: Contract) -> None:
 
 
 def test_joints_that_are_not_the_robots_are_named(contract: Contract) -> None:
-    """A name that is misspelt, missing, there twice, or not there at all, in the order or in a reading."""
+    """Rejects a joint name that is misspelt, missing, repeated or unknown, in the order or in a reading."""
     names = list(contract.joint_names)
     wrong = {
         "did you mean 'FL_shank'": [*names[:2], "FL_shanc", *names[3:]],
         "'RR_shank' is missing": names[:-1],
-        "there twice": [*names, names[0]],
+        "twice, expected each once": [*names, names[0]],
     }
     sensed = reading(contract)
     for message, order in wrong.items():
         with pytest.raises(RobotError, match=message):
             robot_policy(contract, tuple(order))
-        if message != "there twice":
+        if message != "twice, expected each once":
             mapping = dict.fromkeys(order, 0.0)
             with pytest.raises(RobotError, match=message):
                 robot_policy(contract).step(0.0, **sensed | {"joint_position": mapping})

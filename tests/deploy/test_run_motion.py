@@ -83,8 +83,8 @@ def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
         ("time,target.elbow\n0,0\n1,0.1\n", "unknown joint 'elbow'"),
         ("time,position.hip\n0,0\n1,0.1\n", "no target"),
         ("target.hip\n0\n0.1\n", "time"),
-        ("time,target.hip\n0,0\n0,0.1\n", "does not grow"),
-        ("time,target.hip\n0,0\n9999,0.1\n", "longer"),
+        ("time,target.hip\n0,0\n0,0.1\n", "time must increase"),
+        ("time,target.hip\n0,0\n9999,0.1\n", "end before 1800 s"),
     ],
 )
 def test_what_is_no_motion_of_this_robot_is_refused(tmp_path: Path, text: str, message: str) -> None:
