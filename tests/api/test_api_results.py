@@ -1,4 +1,4 @@
-"""What the public functions return: three lines, a table without scripts, the verb's JSON and files."""
+"""Return values of the public functions: three lines, a table without scripts, the verb's JSON and files."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def log() -> Log:
 
 
 @pytest.fixture(scope="module")
-def found(log: Log) -> Identified:
+def result(log: Log) -> Identified:
     """Return what is identified of it."""
     return stiction.identify(log)
 
 
-def test_an_identification_says_its_verdict_in_three_lines(found: Identified) -> None:
+def test_an_identification_says_its_verdict_in_three_lines(result: Identified) -> None:
     """`print(found)` is the verdict as the terminal has it."""
-    assert repr(found).splitlines() == list(found.verdict) and len(found.verdict) == 3
-    low, high = found["<script>"].coulomb_friction.interval95
-    assert low < 0.442 < high and found.valid
+    assert repr(result).splitlines() == list(result.verdict) and len(result.verdict) == 3
+    low, high = result["<script>"].coulomb_friction.interval95
+    assert low < 0.442 < high and result.valid
 
 
 def test_a_fit_that_is_not_valid_hands_out_no_number(log: Log) -> None:
@@ -50,22 +50,22 @@ def test_a_fit_that_is_not_valid_hands_out_no_number(log: Log) -> None:
 
 
 def test_it_is_what_the_verb_prints_and_writes(
-    log: Log, found: Identified, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    log: Log, result: Identified, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The API and the command line must not disagree; and a saved identification is read back as it was."""
     write_log(tmp_path / "swing.npz", log)
     assert verb.main([str(tmp_path / "swing.npz"), "--out", str(tmp_path / "verb"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    mine = json.loads(json.dumps(found.to_dict()))
+    mine = json.loads(json.dumps(result.to_dict()))
     strip = json.dumps(mine["joints"]).replace("the arrays", "swing.npz")
     assert json.loads(strip)["<script>"]["coulomb_friction"] == printed["joints"]["<script>"]["coulomb_friction"]
-    folder = found.save(tmp_path / "api")
+    folder = result.save(tmp_path / "api")
     assert {path.name for path in folder.iterdir()} == {path.name for path in (tmp_path / "verb").iterdir()} - {
         "settings.json"
     }
     again = stiction.load_joints(folder)
-    assert again.to_dict() == found.to_dict()
-    assert again.signals["<script>"].fitted_torque == pytest.approx(found.signals["<script>"].fitted_torque)
+    assert again.to_dict() == result.to_dict()
+    assert again.signals["<script>"].fitted_torque == pytest.approx(result.signals["<script>"].fitted_torque)
 
 
 def test_a_policy_is_checked_before_it_is_loaded(tmp_path: Path) -> None:

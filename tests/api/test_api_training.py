@@ -69,8 +69,8 @@ def test_a_second_training_into_its_folder_is_refused(run: tuple[Trained, list[t
 
 def test_its_bundle_is_checked_and_walks(run: tuple[Trained, list[tuple[str, int, int]]]) -> None:
     """`export` returns the policy that `load_policy` reads from the folder, with the student's actions."""
-    said: list[str] = []
-    policy = stiction.export(run[0], say=said.append)
+    lines: list[str] = []
+    policy = stiction.export(run[0], say=lines.append)
     again = stiction.load_policy(run[0].path / "bundle")
     assert policy.digest == again.digest and policy.contract.robot == "go1"
     frames = np.random.default_rng(0).normal(size=(3, policy.contract.observation.size)).astype(np.float32)

@@ -24,7 +24,7 @@ def test_arrays_by_joint_become_a_log() -> None:
 
 
 class Frame:
-    """What pandas and polars have in common."""
+    """Minimal stand-in for a pandas or polars table."""
 
     def __init__(self, **columns: np.ndarray) -> None:
         """Take the columns."""
@@ -52,7 +52,7 @@ def with_nan() -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("arguments", "message"),
     [
         ({"position": TIME}, "no time"),
         ({"time": TIME}, "no signal"),
@@ -69,10 +69,10 @@ def with_nan() -> np.ndarray:
         ({"frame": 3}, "no table with named columns"),
     ],
 )
-def test_what_is_no_log_is_refused_in_a_line(given: dict[str, Any], said: str) -> None:
+def test_what_is_no_log_is_refused_in_a_line(arguments: dict[str, Any], message: str) -> None:
     """The message has to name the array and the sample, or a user looks for hours."""
-    with pytest.raises(stiction.StictionError, match=said) as caught:
-        stiction.from_arrays(**given)
+    with pytest.raises(stiction.StictionError, match=message) as caught:
+        stiction.from_arrays(**arguments)
     assert "\n" not in str(caught.value) and len(re.findall(r"the arrays", str(caught.value))) == 1
 
 
@@ -86,7 +86,7 @@ def test_an_option_that_there_is_not_is_named_with_the_nearest() -> None:
 
 
 def test_matrices_are_joints_by_name() -> None:
-    """Of shape (T, joints), with a name each, or numbers."""
+    """Matrices of shape (T, joints) give one joint per column, named by `names` or numbered."""
     both = np.column_stack([np.sin(TIME), np.cos(TIME)])
     log = stiction.from_arrays(time=TIME, position=both, torque=both, names=["hip", "knee"])
     assert list(log.joints) == ["hip", "knee"]
@@ -99,14 +99,14 @@ def test_matrices_are_joints_by_name() -> None:
 def test_numbers_of_several_joints_come_in_the_order_of_their_names() -> None:
     """As vectors beside matrices; `joints` is another word for the names, and one column has a name too."""
     both = np.column_stack([np.sin(TIME), np.cos(TIME)])
-    given = {"time": TIME, "position": both, "target": both}
-    log = stiction.from_arrays(**given, joints=("hip", "knee"), kp=[20.0, 30.0], kd=np.array([1.0, 2.0]))
+    signals = {"time": TIME, "position": both, "target": both}
+    log = stiction.from_arrays(**signals, joints=("hip", "knee"), kp=[20.0, 30.0], kd=np.array([1.0, 2.0]))
     assert [(log.setup_of(name).kp, log.setup_of(name).kd) for name in log.joints] == [(20.0, 1.0), (30.0, 2.0)]
     assert list(stiction.from_arrays(time=TIME, position=TIME, target=TIME, names=["hip"]).joints) == ["hip"]
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("arguments", "message"),
     [
         ({"position": np.ones((2, 500)), "names": ["a", "b"]}, r"position has the shape \(2, 500\) .* do: position\.T"),
         ({"position": np.ones((500, 2)), "target": TIME}, r"target has the shape \(500, 1\) and names has 2"),
@@ -117,7 +117,7 @@ def test_numbers_of_several_joints_come_in_the_order_of_their_names() -> None:
         ({"position": np.ones((500, 2, 1))}, r"shape \(500, 2, 1\)"),
     ],
 )
-def test_columns_that_belong_to_no_joint_are_refused(given: dict, said: str) -> None:
+def test_columns_that_belong_to_no_joint_are_refused(arguments: dict, message: str) -> None:
     """A target without its joint would be a joint more, of which nothing can be known."""
-    with pytest.raises(stiction.StictionError, match=said):
-        stiction.from_arrays(time=TIME, **given)
+    with pytest.raises(stiction.StictionError, match=message):
+        stiction.from_arrays(time=TIME, **arguments)

@@ -35,8 +35,8 @@ def test_a_script_runs(
     search_little(monkeypatch)
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")
-    said = capfd.readouterr()
-    assert said.out and "Traceback" not in said.err
+    output = capfd.readouterr()
+    assert output.out and "Traceback" not in output.err
 
 
 def test_a_plain_script_identifies_several_joints(tmp_path: Path) -> None:

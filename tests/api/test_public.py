@@ -22,8 +22,8 @@ def test_importing_stiction_loads_nothing_heavy() -> None:
     """Else every script waits for a simulator that it may not need, or may not have."""
     code = "import sys, stiction; dir(stiction); print([m for m in ('numpy', 'scipy', 'torch', 'mujoco', 'matplotlib') "
     code += "if m in sys.modules])"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
-    assert said.stdout.strip() == "[]"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert process.stdout.strip() == "[]"
 
 
 def test_type_checkers_see_the_names_that_there_are() -> None:
@@ -67,14 +67,14 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
     code = "import stiction\ntry:\n    stiction.check_robot('go1')\nexcept stiction.StictionError as e:\n    print(e)\n"
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = {**os.environ, "PYTHONPATH": path}
-    said = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True, env=environment
     )
-    assert "[sim]" in said.stdout and said.stdout.count("\n") == 1
+    assert "[sim]" in process.stdout and process.stdout.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("name", "args", "options", "said"),
+    ("name", "args", "options", "message"),
     [
         ("load_log", (None,), {}, "load_log: path is None; expected str or Path"),
         ("load_log", ("x.csv",), {"colums": {}}, "load_log: unknown option 'colums'; did you mean 'columns'? known: "),
@@ -95,7 +95,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_argument_is_one_line_that_names_it(
-    name: str, args: tuple, options: dict, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, args: tuple, options: dict, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else a mistake would end deep inside, as a TypeError of pathlib, or as a KeyError of a preset."""
     if name in ("evaluate", "train"):
@@ -103,4 +103,4 @@ def test_a_wrong_argument_is_one_line_that_names_it(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(stiction.StictionError) as caught:
         getattr(stiction, name)(*args, **options)
-    assert said in str(caught.value) and not list(tmp_path.iterdir())
+    assert message in str(caught.value) and not list(tmp_path.iterdir())

@@ -42,13 +42,13 @@ def test_a_run_and_a_bare_network_are_told_the_command_that_makes_a_bundle(
     run.mkdir()
     (run / "config.json").write_text("{}")
     network.write_bytes(b"onnx")
-    for given, said in (
+    for source, ending in (
         (run, "my run: got a training run that was not exported, expected a bundle; do: stiction export 'my run'"),
         (network, "do: stiction import policy.onnx --robot ROBOT --out policy, then give policy"),
     ):
-        assert main([verb, str(given)]) == 1
+        assert main([verb, str(source)]) == 1
         captured = capsys.readouterr()
-        assert captured.err.rstrip().endswith(said) and captured.err.count("\n") == 1 and not captured.out
+        assert captured.err.rstrip().endswith(ending) and captured.err.count("\n") == 1 and not captured.out
     shutil.copytree(bundle, run / "bundle")
     assert find_bundle(run) == run / "bundle"
     assert main(["verify", str(run)]) == 0
@@ -76,8 +76,8 @@ def test_a_level_in_per_cent_is_asked_about(
     pytest.importorskip("viser" if words[0] == "view" else "torch" if words[0] == "train" else "mujoco")
     monkeypatch.chdir(tmp_path)
     assert main(words) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "level" in said and ("meant?" in said) == bool(meant) and meant in said, said
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "level" in error and ("meant?" in error) == bool(meant) and meant in error, error
 
 
 def test_verify_takes_a_list_of_what_may_run(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -99,10 +99,10 @@ def test_verify_takes_the_digest_that_was_published(bundle: Path, capsys: pytest
     digest = hashlib.sha256((bundle / "SHA256SUMS").read_bytes()).hexdigest()
     assert main(["verify", str(bundle), "--expect-digest", digest]) == 0
     assert "as expected" in " ".join(capsys.readouterr().out.split())
-    for wrong, said in (("0" * 64, "it is another bundle"), (digest[:32], "64 hexadecimal digits"), ("", "64 hex")):
+    for wrong, reason in (("0" * 64, "it is another bundle"), (digest[:32], "64 hexadecimal digits"), ("", "64 hex")):
         assert main(["verify", str(bundle), "--expect-digest", wrong]) == 1
         shown = capsys.readouterr().err
-        assert said in shown and shown.count("\n") == 1
+        assert reason in shown and shown.count("\n") == 1
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
@@ -219,7 +219,7 @@ def test_evaluate_refuses_bad_input_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("source", "reason"),
     [
         ("nothing", "no run in nothing; expected a folder that `stiction train` made"),
         ("mnie", "no run in mnie; did you mean 'mine'? expected"),
@@ -228,7 +228,7 @@ def test_evaluate_refuses_bad_input_in_one_line(
     ],
 )
 def test_export_refuses_what_is_no_run(
-    source: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    source: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     """One line that says what it is instead, and nothing is made beside it."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
@@ -236,16 +236,16 @@ def test_export_refuses_what_is_no_run(
     Path("mine").mkdir()
     Path("log.csv").touch()
     assert main(["export", source]) == 1
-    assert said in capsys.readouterr().err and sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "mine"]
+    assert reason in capsys.readouterr().err and sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "mine"]
 
 
 def test_a_bundle_that_is_not_there_is_one_failure_for_every_verb(capsys: pytest.CaptureFixture) -> None:
     """`sign` asked for a key first, and a script could not tell a name from a missing option."""
-    for verb, said in dict.fromkeys(("verify", "evaluate"), "unknown policy 'nosuch'").items() | {
+    for verb, reason in dict.fromkeys(("verify", "evaluate"), "unknown policy 'nosuch'").items() | {
         ("sign", "nosuch does not exist; expected the directory")
     }:
         assert main([verb, "nosuch"]) == 1
-        assert f"stiction {verb}: {said}" in capsys.readouterr().err
+        assert f"stiction {verb}: {reason}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("named", ["name", "path", "link"])
@@ -265,8 +265,8 @@ def test_nothing_is_signed_that_came_with_the_package(
     capsys.readouterr()
     typed = {"name": SHIPPED, "path": str(package / SHIPPED), "link": "mine"}[named]
     assert main(["sign", typed, "--key", "maker.pem"]) == 1
-    said = capsys.readouterr().err
-    assert f"{typed} came with the package" in said and "copy it first" in said and said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert f"{typed} came with the package" in error and "copy it first" in error and error.count("\n") == 1
     assert not (package / SHIPPED / "SHA256SUMS.sig").exists()
     shutil.copytree(package / SHIPPED, SHIPPED)
     assert main(["sign", SHIPPED, "--key", "maker.pem"]) == 0 and Path(SHIPPED, "SHA256SUMS.sig").is_file()

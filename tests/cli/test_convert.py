@@ -81,7 +81,7 @@ def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--to", "mujoco", "--model", "none.xml"], "cannot read none.xml"),
         (["--to", "mujoco", "--model", "joints.json"], "not well-formed XML"),
@@ -104,12 +104,12 @@ def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.Captu
     ],
 )
 def test_what_a_user_can_mend_is_one_line(
-    folder: Path, capsys: pytest.CaptureFixture, options: list[str], said: str
+    folder: Path, capsys: pytest.CaptureFixture, options: list[str], message: str
 ) -> None:
     """Status 1, nothing on standard output."""
     assert main(["convert", "joints.json", *options]) == 1
     told = capsys.readouterr()
-    assert told.out == "" and said in told.err and told.err.count("\n") == 1
+    assert told.out == "" and message in told.err and told.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("link", [os.symlink, os.link])

@@ -77,8 +77,8 @@ def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "runs" / "direct").mkdir(parents=True)
     (tmp_path / "runs" / "direct" / "config.json").write_text("{}")
     (tmp_path / "policies" / "saturn_lite-flat-deception-0.2").mkdir(parents=True)
-    found = demo._find_policies(cfg, [])
-    assert [path.name for path in found] == [f"saturn_lite-flat-{name}-0.2" for name in ("none", "direct", "deception")]
+    paths = demo._find_policies(cfg, [])
+    assert [path.name for path in paths] == [f"saturn_lite-flat-{name}-0.2" for name in ("none", "direct", "deception")]
     fresh, resumed = called
     assert fresh[fresh.index("--method") + 1] == "none"
     assert fresh[fresh.index("--friction-level") + 1] == "0.2"
@@ -88,7 +88,7 @@ def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monke
 def test_an_altered_bundle_stops_the_demo_in_one_line(
     bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """What does not pass its check is not shown as if it had."""
+    """Refuses a bundle that fails its check and names the altered file."""
     (Path(bundles[0]) / "card.md").write_text("altered")
     assert main(["demo", "--out", str(tmp_path / "demo"), "--bundles", *bundles, *SHORT]) == 1
     assert "card.md" in capsys.readouterr().err.splitlines()[-1]

@@ -26,15 +26,15 @@ ON_STAND = ("--stand", "--robot-cell", "sensors", "--friction-level", "0")
 
 def children(pid: int) -> list[int]:
     """Return the processes that a process has started."""
-    found = []
+    pids = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = stat.read_text().rpartition(")")[2].split()
         except OSError:
             continue
         if int(fields[1]) == pid:
-            found.append(int(stat.parent.name))
-    return found
+            pids.append(int(stat.parent.name))
+    return pids
 
 
 def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -58,20 +58,20 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: p
 
 
 @pytest.mark.parametrize(
-    ("fault", "said", "status"),
+    ("fault", "message", "status"),
     [
         ("policy-kill", "policy gone: its ", 1),
         ("sigterm", "operator: SIGTERM", 128 + signal.SIGTERM),
         ("second-robot", "second robot: 2, allowed 1 (127.0.0.1:", 1),
     ],
 )
-def test_a_fault_ends_in_one_line_and_its_status(tmp_path: Path, fault: str, said: str, status: int) -> None:
+def test_a_fault_ends_in_one_line_and_its_status(tmp_path: Path, fault: str, message: str, status: int) -> None:
     """A dead policy, a signal or a second robot ends in damping, one line, and status 1, or 128 and the signal."""
     out = tmp_path / "run"
     words = ["deploy", POLICY, "--armed", "--json", "--fault", f"{fault}@0.2", "--duration", "20", "--out", str(out)]
     done = subprocess.run(stiction(*words, *PATIENT, *ON_STAND), capture_output=True, text=True, check=False)
     assert done.returncode == status
-    assert done.stderr.startswith("stiction deploy: stopped: ") and said in done.stderr
+    assert done.stderr.startswith("stiction deploy: stopped: ") and message in done.stderr
     assert done.stderr.count("\n") == 1
     report = json.loads(done.stdout)
     assert f"`{report['stop']['rule']}`" in (Path(__file__).parents[2] / "docs/safety.md").read_text()
@@ -140,7 +140,7 @@ def test_a_run_of_which_a_process_is_killed_leaves_a_log_and_no_orphan(victim: s
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--robot", "virtuel"], "did you mean 'virtual'"),
         (["--robot", "unitree-go"], "network interface"),
@@ -169,7 +169,7 @@ def test_a_run_of_which_a_process_is_killed_leaves_a_log_and_no_orphan(victim: s
     ],
 )
 def test_wrong_words_are_one_line_and_nothing_moves(
-    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A typing error is a traceback, or moves a robot with other settings than were meant."""
 
@@ -180,7 +180,7 @@ def test_wrong_words_are_one_line_and_nothing_moves(
     monkeypatch.setitem(sys.modules, "rclpy", None)
     assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
     err = capsys.readouterr().err
-    assert said in err and err.count("\n") == 1, err
+    assert message in err and err.count("\n") == 1, err
 
 
 @pytest.fixture
@@ -203,8 +203,8 @@ def test_what_is_of_a_policy_is_refused_beside_a_motion(
     tmp_path: Path, motion: str, words: list[str], capsys: pytest.CaptureFixture
 ) -> None:
     """A command moves nothing, and a robot that is told to hold still is stopped for joints that stand."""
-    said = ["deploy", POLICY, "--stand", "--armed", "--excitation", motion, "--out", str(tmp_path / "run"), *words]
-    assert main(said) == 1
+    arguments = ["deploy", POLICY, "--stand", "--armed", "--excitation", motion, "--out", str(tmp_path / "run"), *words]
+    assert main(arguments) == 1
     err = capsys.readouterr().err
     refused = words[0] if words[0] != "--fault" else f"--fault {words[1].partition('@')[0]}"
     assert f"--excitation and {refused} exclude each other" in err
@@ -222,7 +222,7 @@ def test_a_motion_is_cut_by_the_duration(tmp_path: Path, motion: str, capsys: py
 
 
 def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a folder of another kind would be told to lack card.md, and an empty run would be left behind."""
+    """Refuses a folder that is not a policy bundle, and creates no output folder."""
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
     assert "is not a policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
@@ -238,8 +238,8 @@ def test_a_report_is_not_written_over_unasked(
     monkeypatch.setattr(deploy, "_planned", lambda *_: lambda: runs)
     words = ["deploy", POLICY, "--json", "--report", str(file), "--out", str(tmp_path / "run")]
     assert main(words) == 1 and file.read_text() == "mine"
-    said = capsys.readouterr().err
-    assert "report.json exists already; choose another --report, or add --overwrite" in said
+    error = capsys.readouterr().err
+    assert "report.json exists already; choose another --report, or add --overwrite" in error
     assert not (tmp_path / "run").exists()
     assert main([*words, "--overwrite"]) == 0 and json.loads(file.read_text()) == runs
 

@@ -49,7 +49,7 @@ VERBS = {
     "identify": ("identify", "{in}/joint.csv", "--out", "{out}"),
     "sidecar": ("identify", "{out}/bare.csv", "--init"),
     "identify-walk": ("identify", "{in}/walk.npz", "--out", "{out}"),
-    "convert": ("convert", "{in}/found/joints.json", "--to", "mujoco", "--out", "{out}/joints.xml"),
+    "convert": ("convert", "{in}/identified/joints.json", "--to", "mujoco", "--out", "{out}/joints.xml"),
     "train": ("train", *TRAIN, "--out", "{out}"),
     "resume": ("train", "--resume", "{out}"),
     "train-actuator": ("train-actuator", "{in}/logs", "--epochs", "1", "--hidden", "4", "--out", "{out}"),
@@ -82,14 +82,14 @@ GROW = (".jsonl", ".log", ".lock")
 
 
 @pytest.fixture(scope="module")
-def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the verbs read: logs, a robot's joints, a run and half of one, bundles, a network of others, a key."""
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write inputs of all verbs: logs, identified joints, a full and a partial run, bundles, an ONNX file, a key."""
     from bundles import make_bundle, make_contract
 
-    folder = tmp_path_factory.mktemp("given")
+    folder = tmp_path_factory.mktemp("inputs")
     write_log(folder / "joint.csv", example_log())
     write_walk(folder / "walk.npz", walks.walk(0.1 * walks.LIMITS[None], [walks.CURVE], seconds=6.0)[0])
-    assert main(["identify", str(folder / "joint.csv"), "--out", str(folder / "found")]) == 0
+    assert main(["identify", str(folder / "joint.csv"), "--out", str(folder / "identified")]) == 0
     with pytest.MonkeyPatch.context() as patch, blank_figures():
         patch.setenv("STICTION_THREADS", "1")
         assert main(["train", *TRAIN, "--out", str(folder / "run")]) == 0
@@ -113,23 +113,23 @@ def network_of_the_run(module: Any, observation_size: int, estimates: bool = Fal
     return NETWORKS[observation_size]
 
 
-def prepare(name: str, given: Path, out: Path) -> list[str]:
+def prepare(name: str, inputs: Path, out: Path) -> list[str]:
     """Make the folder that a verb goes on in; return the verb's words."""
     if name == "resume":
-        shutil.copytree(given / "run", out)
+        shutil.copytree(inputs / "run", out)
         (out / "summary.json").unlink()
         for file in (out / "checkpoints").glob("student_*"):
             file.unlink()
     elif name in ("sign", "sidecar", "convert", "key"):
         out.mkdir()
-        shutil.copytree(given / "toy", out / "toy")
+        shutil.copytree(inputs / "toy", out / "toy")
         np.savetxt(
             out / "bare.csv",
             np.random.default_rng(0).normal(size=(500, 3)),
             header="time,position,velocity",
             comments="",
         )
-    return [word.replace("{in}", str(given)).replace("{out}", str(out)) for word in VERBS[name]]
+    return [word.replace("{in}", str(inputs)).replace("{out}", str(out)) for word in VERBS[name]]
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -142,32 +142,32 @@ def ends_in_one_line(words: list[str], capsys: pytest.CaptureFixture) -> None:
     """Run a verb that cannot write."""
     capsys.readouterr()
     assert main(words) == 1, capsys.readouterr()
-    said = capsys.readouterr().err
-    last = said.splitlines()[-1]
+    error = capsys.readouterr().err
+    last = error.splitlines()[-1]
     verb = " ".join(words[:2]) if words[0] == "study" else words[0]
-    assert last.startswith(f"stiction {verb}: "), said
-    assert "Traceback" not in said and "unforeseen" not in said, said
+    assert last.startswith(f"stiction {verb}: "), error
+    assert "Traceback" not in error and "unforeseen" not in error, error
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in VERBS]
 )
 def test_no_verb_loses_or_halves_a_file(
-    name: str, given: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    name: str, inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a disk that has room for small files alone, and where nothing may be written at all."""
     monkeypatch.setenv("STICTION_THREADS", "1")
     monkeypatch.setattr(export, "export_network", network_of_the_run)
     search_little(monkeypatch)
     closed = tmp_path / "closed"
-    words = prepare(name, given, closed if name in READY else closed / "out")
+    words = prepare(name, inputs, closed if name in READY else closed / "out")
     closed.mkdir(exist_ok=True)
     before = contents(closed)
     with read_only(closed):
         ends_in_one_line(words, capsys)
     assert contents(closed) == before
     out = tmp_path / "full"
-    words = prepare(name, given, out)
+    words = prepare(name, inputs, out)
     before = contents(out) if out.exists() else {}
     room = ROOM.get(name, 300)
     with full(room):

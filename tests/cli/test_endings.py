@@ -19,7 +19,7 @@ POLICY = "saturn_lite-flat-deception-0.2"
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (KeyError("gains"), "unforeseen KeyError: 'gains'; this is a fault of stiction: please report it"),
         (RecursionError("maximum depth"), "unforeseen RecursionError"),
@@ -39,7 +39,7 @@ POLICY = "saturn_lite-flat-deception-0.2"
 )
 @pytest.mark.parametrize("debug", [False, True])
 def test_what_nobody_foresaw_is_one_line(
-    error: Exception, said: str, debug: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    error: Exception, message: str, debug: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     """With where to report it; the traceback is for those who ask, with any verb."""
 
@@ -50,7 +50,7 @@ def test_what_nobody_foresaw_is_one_line(
     monkeypatch.setattr("stiction.cli.robot.main", fails)
     assert main(["robot", "list", *(["--debug"] if debug else [])]) == 1
     lines = capsys.readouterr().err.splitlines()
-    assert said in lines[-1] and (len(lines) == 1) != debug and any("Traceback" in line for line in lines) == debug
+    assert message in lines[-1] and (len(lines) == 1) != debug and any("Traceback" in line for line in lines) == debug
 
 
 def run(words: tuple[str, ...], shell: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -60,7 +60,7 @@ def run(words: tuple[str, ...], shell: str, folder: Path) -> subprocess.Complete
 
 
 @pytest.mark.parametrize(
-    ("words", "shell", "status", "said"),
+    ("words", "shell", "status", "message"),
     [
         (("--help",), '"$@" | true; echo ${PIPESTATUS[0]} >&2', 0, ""),
         (("robot", "list"), '"$@" | true; echo ${PIPESTATUS[0]} >&2', 0, ""),
@@ -75,13 +75,13 @@ def run(words: tuple[str, ...], shell: str, folder: Path) -> subprocess.Complete
     ],
 )
 def test_streams_that_end_early_and_names_that_are_none(
-    words: tuple[str, ...], shell: str, status: int, said: str, tmp_path: Path
+    words: tuple[str, ...], shell: str, status: int, message: str, tmp_path: Path
 ) -> None:
     """`| head` is no error, a full disk is one line, and no name is written as it is where that would do something."""
     done = run(words, shell, tmp_path)
     *lines, last = done.stderr.splitlines()
     assert int(last) == status, done.stderr
-    assert len(lines) == bool(said) and said in "".join(lines) and "\x1b" not in done.stderr
+    assert len(lines) == bool(message) and message in "".join(lines) and "\x1b" not in done.stderr
 
 
 def test_a_name_is_no_markup(capsys: pytest.CaptureFixture) -> None:
@@ -135,10 +135,10 @@ def test_nothing_outlives_a_command_that_is_ended(number: signal.Signals, tmp_pa
     wait_until(lambda: len(list((out / "pids").iterdir())) == 2, "the workers did not begin", 120.0)
     workers = [int(path.name) for path in (out / "pids").iterdir()]
     command.send_signal(number)
-    said = command.communicate()[1].splitlines()
+    errors = command.communicate()[1].splitlines()
     wait_until(lambda: not any(map(is_alive, workers)), "workers go on")
     wait_until(lambda: not list(temporary.iterdir()), "a temporary folder stays")
     if number != signal.SIGKILL:
         what = "interrupted" if number == signal.SIGINT else f"ended by {number.name}"
-        assert command.returncode == 128 + number and said == [f"stiction robot: {what}"]
+        assert command.returncode == 128 + number and errors == [f"stiction robot: {what}"]
         assert not (out / ".lock").exists()

@@ -13,7 +13,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--static-ratio", "2"], "--static-ratio requires --friction-law stribeck;"),
         (["--robots", "7"], "--robots requires --engines mujoco+all;"),
@@ -27,17 +27,17 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
     ],
 )
 def test_what_would_have_no_effect_is_refused(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """Who asks for virtual robots and forgets the engine would take the data sheet's for them."""
+    """Refuses options without effect in one line, and writes nothing."""
     out = tmp_path / "out"
     assert main(["evaluate", "saturn_lite-flat-deception-0.2", *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().err
-    assert said in printed and printed.count("\n") == 1 and not out.exists()
+    assert message in printed and printed.count("\n") == 1 and not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["nope"], "unknown policy 'nope'"),
         (["runs/nope"], "runs/nope does not exist"),
@@ -46,10 +46,10 @@ def test_what_would_have_no_effect_is_refused(
     ],
 )
 def test_a_name_that_there_is_not_is_said_before_what_else_is_wrong(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """If this failed, a misspelt bundle would be called one of other settings than those of the results there."""
+    """Reports an unknown name in one line before comparing settings with those of earlier results."""
     (tmp_path / SETTINGS).write_text('{"verb": "evaluate", "settings": {"bundles": ["mine"], "seconds": 9.0}}')
     assert main(["evaluate", *words, "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().err
-    assert said in printed and "other settings" not in printed and printed.count("\n") == 1
+    assert message in printed and "other settings" not in printed and printed.count("\n") == 1

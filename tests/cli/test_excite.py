@@ -73,7 +73,7 @@ def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ("--position-limits 0.6 -0.6", "--position-limits 0.6 -0.6"),
         ("--coulomb 50 --torque-limit 45", "could not move the joint"),
@@ -92,7 +92,7 @@ def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixtur
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, options: str, said: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, options: str, message: str
 ) -> None:
     """No traceback, nothing on standard output, one line that names the mistake."""
     monkeypatch.chdir(tmp_path)
@@ -100,4 +100,4 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     assert main(["excite", *options.split()]) == 1
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.startswith("stiction excite: ")]
-    assert captured.out == "" and len(lines) == 1 and said in lines[0] and "Traceback" not in captured.err
+    assert captured.out == "" and len(lines) == 1 and message in lines[0] and "Traceback" not in captured.err

@@ -1,4 +1,4 @@
-"""What every verb says of itself: on one screen, with examples whose options exist."""
+"""Help of every verb: on one screen, with examples whose options exist."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_the_overview_groups_every_verb_once_in_80_columns(capsys: pytest.Captur
 
 
 def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, the twenty options that people use would scroll away."""
+    """Lists 15 to 25 options on one screen; --help-all lists the rest."""
     monkeypatch.setenv("COLUMNS", "100")
     brief, whole = help_of(capsys, "train", "--help"), help_of(capsys, "train", "--help-all")
     assert brief.count("\n") <= SCREEN

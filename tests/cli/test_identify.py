@@ -55,7 +55,7 @@ def test_a_foreign_log_by_mapping_and_flags(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_no_page_where_none_is_wanted(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Who reads joints.json in a loop does not wait for figures, and is told of no page."""
+    """Writes joints.json alone with page=false, and mentions no page."""
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--set", "page=false"]) == 0
     assert capsys.readouterr().out.endswith("/out/joints.json\n")
     assert not (tmp_path / "out" / "report.html").exists() and (tmp_path / "out" / "joints.json").exists()
@@ -104,7 +104,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["none.csv"], "no log at none.csv; expected"),
         (["swing.cvs"], "no log at swing.cvs; did you mean 'swing.csv'? expected"),
@@ -125,7 +125,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(
-    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, arguments: list[str], said: str
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, arguments: list[str], message: str
 ) -> None:
     """No traceback, nothing on standard output, one line on standard error."""
     monkeypatch.chdir(log.parent)
@@ -137,7 +137,7 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.strip()]
     assert captured.out == "" and len(lines) == 1
-    assert lines[0].startswith("stiction identify: ") and said in lines[0]
+    assert lines[0].startswith("stiction identify: ") and message in lines[0]
 
 
 def test_every_joint_of_a_log_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

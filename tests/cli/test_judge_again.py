@@ -44,9 +44,9 @@ def test_rows_that_change_turn_the_verdict(tmp_path: Path, capsys: pytest.Captur
     write_results(out / "results.csv", tame)
     assert main(["study", "friction", "--judge-again", "--out", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["V9"] == "reproduces"
-    found = {(one.method, one.friction_level): one for one in read_rows(out / "following.csv", Following)}
-    assert found["coulomb20-deception/student", 0.01].text == "5 of 5"
-    assert found["coulomb20-none/student", 0.01].text == "4 of 5, 1 too fast"
+    verdicts = {(one.method, one.friction_level): one for one in read_rows(out / "following.csv", Following)}
+    assert verdicts["coulomb20-deception/student", 0.01].text == "5 of 5"
+    assert verdicts["coulomb20-none/student", 0.01].text == "4 of 5, 1 too fast"
     changed = {
         one["id"]: (one["before"], one["now"]) for one in json.loads((out / "summary.json").read_text())["changed"]
     }

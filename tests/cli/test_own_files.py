@@ -36,7 +36,7 @@ def test_somebody_elses_file_stays(name: str, tmp_path: Path, capsys: pytest.Cap
     file.parent.mkdir(parents=True)
     file.write_text("mine")
     assert main([*CASES[name], "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
-    assert f"out has {name}, and no settings.json in it; choose another --out" in said
-    assert said.count("\n") == 1 and file.read_text() == "mine"
+    error = capsys.readouterr().err
+    assert f"out has {name}, and no settings.json in it; choose another --out" in error
+    assert error.count("\n") == 1 and file.read_text() == "mine"
     assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [file]

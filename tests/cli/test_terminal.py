@@ -1,4 +1,4 @@
-"""What a person sees of long commands in a terminal of 80 × 24."""
+"""Output of long commands in a terminal of 80 × 24."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def test_bad_input_is_one_line(log: Path, tmp_path: Path, capsys: pytest.Capture
     walk = read_walk(log)
     write_walk(other, replace(walk, header=replace(walk.header, robot="mine.robots:ROBOT")))
     (tmp_path / "file").write_text("")
-    for path, options, said in (
+    for path, options, message in (
         (log, ["--robot", "go1"], "go1"),
         (own, ["--out", str(tmp_path)], "choose another --out"),
         (other, [], "name it: --robot"),
@@ -96,7 +96,7 @@ def test_bad_input_is_one_line(log: Path, tmp_path: Path, capsys: pytest.Capture
     ):
         assert main(["identify", str(path), *but(("--out", str(tmp_path / "out")), *options)]) == 1
         error = capsys.readouterr().err.splitlines()
-        assert [said in line for line in error if line.startswith("stiction identify: ")] == [True]
+        assert [message in line for line in error if line.startswith("stiction identify: ")] == [True]
     assert own.read_bytes() == log.read_bytes()
 
 
@@ -125,9 +125,9 @@ def test_a_walk_in_others_columns(table: dict[str, np.ndarray], tmp_path: Path, 
     assert main(arguments) == 1
     assert "of which robot is this walk? Its masses and lengths: --robot FILE" in capsys.readouterr().err
     assert main([*arguments, "--robot", "saturn_lite", "--torque-source", "motor_side", "--contact", "torque"]) == 0
-    said = capsys.readouterr()
-    assert "Friction " in said.out
-    assert "No artists" not in said.err
+    output = capsys.readouterr()
+    assert "Friction " in output.out
+    assert "No artists" not in output.err
     assert {path.name for path in out.iterdir()} == set(RESULTS)
     ratio = load_joints(out / "joints.json").record("ML_shank").friction_ratio
     assert ratio is not None and ratio.value == pytest.approx(0.1, abs=0.02)

@@ -68,7 +68,7 @@ def read(*words: str) -> Verb:
     return read_options(Verb, ["a.log", *words], "stiction verb", "Does it.\n\n  stiction verb a.log", groups={})
 
 
-def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
+def error_of(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
     """Return what is printed where the words end the program."""
     with pytest.raises(SystemExit) as stop:
         read(*words)
@@ -125,7 +125,7 @@ def test_a_wrong_setting_is_one_line_with_status_2(
     capsys: pytest.CaptureFixture, words: list[str], message: str
 ) -> None:
     """Names the setting, what was expected, and the nearest name."""
-    text = said(capsys, *words)
+    text = error_of(capsys, *words)
     assert message in text and text.startswith("stiction verb: ") and text.count("\n") == 1
 
 
@@ -155,9 +155,9 @@ def test_a_wrong_file_is_one_line_with_status_2(
 ) -> None:
     """Names the file, the setting and what was expected."""
     (tmp_path / "a.yaml").write_text(text)
-    printed = said(capsys, "--config", str(tmp_path / "a.yaml"))
+    printed = error_of(capsys, "--config", str(tmp_path / "a.yaml"))
     assert message in printed and printed.count("\n") == 1
-    assert "cannot read" in said(capsys, "--config", str(tmp_path / "b.yaml"))
+    assert "cannot read" in error_of(capsys, "--config", str(tmp_path / "b.yaml"))
 
 
 def test_the_list_of_settings_has_defaults_flags_and_meanings(
@@ -165,7 +165,7 @@ def test_the_list_of_settings_has_defaults_flags_and_meanings(
 ) -> None:
     """Lists every setting within the terminal, with the flag of those that have one; both helps name the list."""
     monkeypatch.setenv("COLUMNS", "80")
-    text = said(capsys, "--set", "help", status=0)
+    text = error_of(capsys, "--set", "help", status=0)
     assert max(map(len, text.splitlines())) <= 80
     for part in (
         "teacher.gamma FLOAT Discount. Default: 0.99.",
@@ -178,7 +178,7 @@ def test_the_list_of_settings_has_defaults_flags_and_meanings(
         assert part in " ".join(text.split()), part
     assert "hidden" not in text and "log" not in text
     for help_word in ("--help", "--help-all"):
-        assert "5 settings: stiction verb --set help" in said(capsys, help_word, status=0)
+        assert "5 settings: stiction verb --set help" in error_of(capsys, help_word, status=0)
 
 
 def test_defaults_follow_from_what_is_given() -> None:

@@ -45,7 +45,7 @@ A third paragraph."""
 GROUPS = {"usually needed": ("--seconds",)}
 
 
-def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
+def error_of(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
     """Return what is printed where the words are not options."""
     with pytest.raises(SystemExit) as stop:
         read_options(Walk, words, "stiction walk", TEXT, groups=GROUPS)
@@ -86,14 +86,14 @@ def test_wrong_words_are_one_line_with_status_2(
     capsys: pytest.CaptureFixture, words: tuple[str, ...], parts: tuple[str, ...]
 ) -> None:
     """Reports a typing mistake in one line with a suggestion."""
-    text = said(capsys, *words)
+    text = error_of(capsys, *words)
     assert text.startswith("stiction walk: ") and text.count("\n") == 1 and "`stiction walk --help`" in text
     assert all(part in text for part in parts), text
 
 
 def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.CaptureFixture) -> None:
     """Shows the common options first, and all on request."""
-    brief, whole = said(capsys, "--help", status=0), said(capsys, "go2", "--help-all", status=0)
+    brief, whole = error_of(capsys, "--help", status=0), error_of(capsys, "go2", "--help-all", status=0)
     assert "--seconds FLOAT" in brief and "--gait" not in brief and "7 more options: stiction walk --help-all" in brief
     assert "  stiction walk hexapod\n" in brief and "third paragraph" not in brief
     assert "usually needed:" in whole and "third paragraph" in whole and "more options" not in whole

@@ -70,12 +70,12 @@ def test_a_number_of_the_recording_that_was_changed_is_rejected(name: str, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("robot", "said"),
+    ("robot", "message"),
     [("go1@kp=0.5", "other gains kp"), ("go1@torque=2", "other torque limits"), ("saturn_lite", "has other joints")],
 )
-def test_a_robot_with_other_motors_is_none_to_walk_on(robot: str, said: str) -> None:
+def test_a_robot_with_other_motors_is_none_to_walk_on(robot: str, message: str) -> None:
     """A policy learned to walk with its gains and limits; on others it says nothing of itself."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         robot_of(make_contract("go1"), robot)
     assert robot_of(make_contract(robot), robot).name == robot
 
@@ -117,5 +117,5 @@ def test_a_map_that_nothing_binds_passes_in_an_older_bundle_alone(tmp_path: Path
     older = write_bundle(tmp_path / "old", contract, model, golden, "")
     (older / "wear.json").write_text(wear.to_json())
     repair_sums(older)
-    found = check_bundle(older).bundle
-    assert found.wear is not None and found.golden.torque is None and not found.wear_bound
+    bundle = check_bundle(older).bundle
+    assert bundle.wear is not None and bundle.golden.torque is None and not bundle.wear_bound

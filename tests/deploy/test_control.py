@@ -99,8 +99,8 @@ def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkey
         assert run.supervisor.policy_targets(step.target, run.now, loop.requested, loop.limited.by) is None
         for tick in range(10):
             # A joint that rests while others are told to walk is taken for a frozen encoder after a second.
-            said = state(run.number + 1, run.now + PERIOD)
-            out = run.step(said)[0]
+            robot_state = state(run.number + 1, run.now + PERIOD)
+            out = run.step(robot_state)[0]
             assert out.stage is Stage.RUN, (number, tick, run.supervisor.stop_record)
             assert out.command is not None
             np.testing.assert_array_equal(out.command.target, one.target)

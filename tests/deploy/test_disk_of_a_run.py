@@ -69,15 +69,15 @@ def test_a_folder_that_is_gone_is_said_at_once_and_the_stop_too(tmp_path: Path) 
     wait_until(lambda: any(log.glob("readings-*.npz")), "no log came", 120.0)
     shutil.move(log, tmp_path / "moved")
     log.write_text("")
-    said = []
+    lines = []
     for line in process.stderr:
-        said.append(line)
+        lines.append(line)
         if "no log from now on, the run goes on: " in line:
             time.sleep(0.3)
             assert process.poll() is None
             process.terminate()
     assert process.wait() == 128 + signal.SIGTERM
-    assert "stopped: operator: SIGTERM; its log is not whole: " in said[-1] and "cannot be written" in said[-1], said
+    assert "stopped: operator: SIGTERM; its log is not whole: " in lines[-1] and "cannot be written" in lines[-1], lines
     assert json.loads((tmp_path / "run" / "report.json").read_text())["stop"]["rule"] == "operator"
     assert len(read_run_log(tmp_path / "moved").readings["time"]) > 10
 
@@ -139,9 +139,9 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
     monkeypatch.setattr(deploy, "_planned", lambda *_: lambda: report)
     words = ["deploy", POLICY, "--json", "--report", "/dev/full", "--out", str(tmp_path / "run")]
     assert main(words) == 1
-    said = capsys.readouterr()
-    assert json.loads(said.out) == report
-    assert said.err == (
+    output = capsys.readouterr()
+    assert json.loads(output.out) == report
+    assert output.err == (
         "stiction deploy: as it ended; /dev/full cannot be written: No space left on device; choose another --out, or "
         "make room\n"
     )

@@ -18,9 +18,9 @@ def sensors(position: float = 0.0, **more: np.ndarray) -> Sensors:
     return Sensors(tilted, np.array([1.0, 4.0, -2.0]), np.full(2, position), np.array([10.0, -10.0]), **more)
 
 
-def layout(*terms: Term, **said) -> ObservationLayout:
+def layout(*terms: Term, **options) -> ObservationLayout:
     """Return a layout, of one frame where nothing else is said."""
-    return ObservationLayout(terms, **({"history_length": 1} | said))
+    return ObservationLayout(terms, **({"history_length": 1} | options))
 
 
 GRAVITY = Term("projected_gravity", 3, 1.0, 1e6, "base")
@@ -48,20 +48,20 @@ def test_terms_of_others_by_hand() -> None:
 )
 def test_frames_are_stacked_as_said(stacking: str, direction: str, fill: str, expected: list[list[float]]) -> None:
     """A history the wrong way round is the most common way in which a public policy fails."""
-    said = layout(POSITION, history_length=2, layout=stacking, direction=direction, fill=fill)
-    builder = ObservationBuilder(said, np.zeros(2))
+    spec = layout(POSITION, history_length=2, layout=stacking, direction=direction, fill=fill)
+    builder = ObservationBuilder(spec, np.zeros(2))
     assert [builder.step(sensors(p), np.zeros(3), np.zeros(2)).tolist() for p in (1.0, 2.0)] == expected
 
 
 def test_terms_are_stacked_each_with_its_own_history() -> None:
     """All frames of each term, as Isaac Lab, mjlab and unitree_rl_lab stack: three of the angles, two of the action."""
     action = Term("last_action", 2, 1.0, 1e6, "joint", history_length=2)
-    said = layout(TURN, replace(POSITION, history_length=3), action, layout="term_major")
-    builder = ObservationBuilder(said, np.zeros(2))
+    spec = layout(TURN, replace(POSITION, history_length=3), action, layout="term_major")
+    builder = ObservationBuilder(spec, np.zeros(2))
     for step in (1.0, 2.0, 3.0):
         seen = builder.step(sensors(step), np.array([0.0, 0.0, step]), np.full(2, 10 * step))
-    assert seen.tolist() == [6, 1, 1, 2, 2, 3, 3, 20, 20, 30, 30] and said.size == 11
-    newest = ObservationBuilder(replace(said, direction="newest_first"), np.zeros(2))
+    assert seen.tolist() == [6, 1, 1, 2, 2, 3, 3, 20, 20, 30, 30] and spec.size == 11
+    newest = ObservationBuilder(replace(spec, direction="newest_first"), np.zeros(2))
     for step in (1.0, 2.0, 3.0):
         seen = newest.step(sensors(step), np.array([0.0, 0.0, step]), np.full(2, 10 * step))
     assert seen.tolist() == [6, 3, 3, 2, 2, 1, 1, 30, 30, 20, 20]
@@ -87,20 +87,20 @@ def test_a_gait_clock_by_hand() -> None:
 
 def test_what_no_sensor_measures_is_never_made_up() -> None:
     """An unmeasured term is rejected, not replaced by zeros."""
-    said = layout(Term("base_linear_velocity", 3, 2.0, 1e6, "base"))
+    spec = layout(Term("base_linear_velocity", 3, 2.0, 1e6, "base"))
     with pytest.raises(StictionError, match="which no sensor of a robot measures"):
-        ObservationBuilder(said, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
+        ObservationBuilder(spec, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
     known = sensors(base_linear_velocity=np.array([0.5, 0.0, 0.1]))
-    seen = ObservationBuilder(said, STANDING).step(known, np.zeros(3), np.zeros(2))
+    seen = ObservationBuilder(spec, STANDING).step(known, np.zeros(3), np.zeros(2))
     np.testing.assert_allclose(seen, [1.0, 0.0, 0.2], rtol=1e-6)
 
 
 def test_a_height_scan_by_hand() -> None:
     """Heights of the base over the ground, less the offset that its maker subtracts."""
-    said = layout(
+    spec = layout(
         Term("height_scan", 2, 5.0, 1e6, "heading"), heights=HeightScan(((0.5, 0.0), (0.5, 0.2)), 0.5)
     )  # fmt: skip
-    seen = ObservationBuilder(said, STANDING).step(sensors(heights=np.array([0.6, 0.5])), np.zeros(3), np.zeros(2))
+    seen = ObservationBuilder(spec, STANDING).step(sensors(heights=np.array([0.6, 0.5])), np.zeros(3), np.zeros(2))
     np.testing.assert_allclose(seen, [0.5, 0.0], atol=1e-6)
 
 

@@ -43,9 +43,9 @@ def first(contract: Contract, attack: Attack, start: float = 0.0, **options) -> 
     """Return the time of the first finding on an attacked walk, from its start [s], and the finding; None without."""
     guard = ReadingGuard(contract)
     for time, sensors in walking(contract, **options):
-        given = attack(time, sensors) if time - 100.0 >= start else (time, sensors)
-        if (found := guard.check(*given, WALK)) is not None:
-            return time - 100.0 - start, found
+        reading = attack(time, sensors) if time - 100.0 >= start else (time, sensors)
+        if (violation := guard.check(*reading, WALK)) is not None:
+            return time - 100.0 - start, violation
     return None
 
 
@@ -116,11 +116,11 @@ def test_an_attack_is_found(contract: Contract, name: str, late: bool) -> None:
     """From the first reading on, and on a walking robot; a robot that leans at the start may fall later."""
     rule, within, attack = ATTACKS[name]
     start = 0.5 if late else PERIOD if name == "an encoder that wraps" else 0.0
-    found = first(contract, attack, start)
-    assert found is not None, "it acts"
+    alarm = first(contract, attack, start)
+    assert alarm is not None, "it acts"
     expected = {rule, "attitude and gyroscope", "orientation jump"} if late else {rule}
-    assert found[1].rule in expected
-    assert found[0] <= (1.5 if late else within + 1.1 * PERIOD)
+    assert alarm[1].rule in expected
+    assert alarm[0] <= (1.5 if late else within + 1.1 * PERIOD)
 
 
 def test_a_quaternion_in_the_other_order_is_found_at_once_whichever_way_the_robot_looks(contract: Contract) -> None:
@@ -129,9 +129,9 @@ def test_a_quaternion_in_the_other_order_is_found_at_once_whichever_way_the_robo
     for yaw in np.radians(np.arange(-180, 180, 5.0)):
         _, sensors = next(walking(contract, yaw=yaw))
         guard.reset()
-        found = guard.check(0.0, swapped(sensors), WALK)
-        assert found is not None and found.rule in ("leans at the start", "half turn at the start")
-        assert "w, x, y, z" in RULES[found.rule].hint
+        violation = guard.check(0.0, swapped(sensors), WALK)
+        assert violation is not None and violation.rule in ("leans at the start", "half turn at the start")
+        assert "w, x, y, z" in RULES[violation.rule].hint
         guard.reset()
         # 5.7° to either side of a half turn are refused although the order is right: both readings are the same.
         right = guard.check(0.0, sensors, WALK)
@@ -143,9 +143,9 @@ def test_sensors_that_froze_do_not_act(contract: Contract) -> None:
     for period in (0.002, 0.02):
         readings = list(walking(contract, 1.0, period))
         held = readings[len(readings) // 2][1]
-        found = first(contract, lambda t, s, held=held: (t, held), start=0.5, period=period)
+        alarm = first(contract, lambda t, s, held=held: (t, held), start=0.5, period=period)
         rules = ("frozen IMU", "attitude and gyroscope")  # The gyroscope goes on turning, the orientation does not.
-        assert found is not None and found[1].rule in rules and found[0] <= 0.1 + 1.1 * period
+        assert alarm is not None and alarm[1].rule in rules and alarm[0] <= 0.1 + 1.1 * period
 
 
 def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
@@ -179,9 +179,9 @@ def test_an_angle_or_a_gyroscope_that_is_read_no_more_is_found_beside_what_goes_
     for period in (0.002, 0.02):
         _, held = list(walking(contract, 0.5, period))[-1]
         angle = float(held.joint_position[7])
-        found = first(contract, lambda t, s, at=angle: (t, spiked(s, "joint_position", 7, at)), 0.5, period=period)
-        assert found is not None and found[0] <= 0.2
-        assert (found[1].rule, found[1].joint) == ("frozen angle", contract.joint_names[7])
+        alarm = first(contract, lambda t, s, at=angle: (t, spiked(s, "joint_position", 7, at)), 0.5, period=period)
+        assert alarm is not None and alarm[0] <= 0.2
+        assert (alarm[1].rule, alarm[1].joint) == ("frozen angle", contract.joint_names[7])
         dead = first(contract, lambda t, s: (t, replace(s, angular_velocity=np.zeros(3))), 0.5, period=period)
         assert dead is not None and dead[0] <= 0.13
         assert dead[1].rule in ("frozen gyroscope", "attitude and gyroscope")
@@ -195,7 +195,7 @@ def test_an_angle_or_a_gyroscope_that_is_read_no_more_is_found_beside_what_goes_
 def test_clocks_of_two_rates_are_found_and_one_step_is_none() -> None:
     """A robot's clock at half speed halves every difference; a clock that was set once is no clock that is slow."""
 
-    def found(rate: float, step: float = 0.0) -> float | None:
+    def delay(rate: float, step: float = 0.0) -> float | None:
         clock = ClockRate(RULES["clock rate"].limit)
         for number in range(500):
             now = 0.002 * number
@@ -204,9 +204,9 @@ def test_clocks_of_two_rates_are_found_and_one_step_is_none() -> None:
                 return now
         return None
 
-    assert found(1.0) is None and found(1.0, 0.09) is None and found(1.0, -0.09) is None and found(0.7) is None
+    assert delay(1.0) is None and delay(1.0, 0.09) is None and delay(1.0, -0.09) is None and delay(0.7) is None
     # 1 ms in each 2 ms: 0.08 s are over behind 81 steps, and the largest that is left out.
-    assert found(0.5) == pytest.approx(0.164, abs=0.003) and found(1.5) == pytest.approx(0.164, abs=0.003)
+    assert delay(0.5) == pytest.approx(0.164, abs=0.003) and delay(1.5) == pytest.approx(0.164, abs=0.003)
 
 
 def test_time_goes_on(contract: Contract) -> None:
@@ -215,8 +215,8 @@ def test_time_goes_on(contract: Contract) -> None:
     readings = [sensors for _, sensors in walking(contract, 0.5)]
 
     def rule(time: float, now: float | None = None) -> str | None:
-        found = guard.check(time, readings.pop(), np.zeros(3), now)
-        return None if found is None else found.rule
+        violation = guard.check(time, readings.pop(), np.zeros(3), now)
+        return None if violation is None else violation.rule
 
     guard.limits["joint jump"] = guard.limits["attitude and gyroscope"] = guard.limits["velocity and angle"] = math.inf
     assert rule(1.0) is None and rule(1.02, now=1.06) is None
@@ -236,12 +236,12 @@ def test_commands_end_where_training_did() -> None:
              ([0, 0.1, 0], "m/s sideways"), ([1e9, 0, 0], "m/s forward"), ([0, math.nan, 0], "m/s sideways"),
              ([0, 0, -1.2], "rad/s turn")]  # fmt: skip
     for command, unit in cases:
-        found = ReadingGuard(told).check(0.0, sensors, np.array(command))
-        assert (None if found is None else found.unit) == unit, command
+        violation = ReadingGuard(told).check(0.0, sensors, np.array(command))
+        assert (None if violation is None else violation.unit) == unit, command
     older = ReadingGuard(make_contract())
     assert older.assumed_range and not ReadingGuard(told).assumed_range
-    found = older.check(0.0, sensors, np.array([0.9, 0, 0]))
-    assert found is not None and (found.rule, found.limit) == ("command", 0.8)
+    violation = older.check(0.0, sensors, np.array([0.9, 0, 0]))
+    assert violation is not None and (violation.rule, violation.limit) == ("command", 0.8)
 
 
 def test_limits_can_be_changed_and_switched_off(contract: Contract) -> None:
@@ -261,11 +261,11 @@ def test_drives_have_the_gains_of_the_contract(contract: Contract) -> None:
     kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
     assert compare_drive(contract, kp.astype(np.float32), kd * 1.009, limit) == compare_drive(contract) == []
     kp[3], kd[5], limit[0] = 50.0, math.nan, 1e3
-    found = compare_drive(contract, kp, kd, limit)
+    violations = compare_drive(contract, kp, kd, limit)
     names = contract.joint_names
-    assert [(v.rule, v.joint) for v in found] == [
+    assert [(v.rule, v.joint) for v in violations] == [
         ("drive kp", names[3]), ("drive kd", names[5]), ("drive torque limit", names[0])
     ]  # fmt: skip
-    assert found[0].sentence() == "drive kp of FR_hip: 50 N m/rad, allowed 100 N m/rad"
+    assert violations[0].sentence() == "drive kp of FR_hip: 50 N m/rad, allowed 100 N m/rad"
     with pytest.raises(PolicyError, match="one for each joint"):
         compare_drive(contract, kp[1:])

@@ -86,9 +86,9 @@ def test_a_rehearsal_leaves_the_policy_as_it_was(contract: Contract) -> None:
     plain, rehearsed = (load_policy(contract, linear_network(onnx, weights)) for _ in range(2))
     for _ in range(3):
         rehearsed.rehearse(other, 2 * command)
-        expected, found = plain.step(still, command), rehearsed.step(still, command)
-        np.testing.assert_array_equal(found.observation, expected.observation)
-        np.testing.assert_array_equal(found.target, expected.target)
+        expected, actual = plain.step(still, command), rehearsed.step(still, command)
+        np.testing.assert_array_equal(actual.observation, expected.observation)
+        np.testing.assert_array_equal(actual.target, expected.target)
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_a_policy_is_told_what_its_contract_says_unless_the_caller_knows_better(
     weights[-1, 0] = 1.0
     contract = make_contract(observation=layout, known_friction={"hip": 0.0, "thigh": 0.0, "shank": 0.2})
     model, still, command = linear_network(onnx, weights), standing_still(contract, (2,)), np.zeros((2, 3))
-    given = {"contract": None, "all": np.array([0.0, 0.0, 0.1]), "each": np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.0]])}
+    cases = {"contract": None, "all": np.array([0.0, 0.0, 0.1]), "each": np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.0]])}
     expected = {"contract": [1.0, 1.0], "all": [0.5, 0.5], "each": [1.5, 0.0]}
-    for name, known in given.items():
+    for name, known in cases.items():
         step = load_policy(contract, model, (2,), known_friction=known).step(still, command)
         np.testing.assert_allclose(step.action[:, 0], expected[name], atol=1e-6)
     untold = load_policy(make_contract(observation=layout), model, (2,))

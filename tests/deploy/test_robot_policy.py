@@ -41,54 +41,54 @@ def reading(contract: Contract, seed: int = 0) -> dict[str, Any]:
     }
 
 
-def by_name(contract: Contract, given: dict[str, Any]) -> dict[str, Any]:
+def by_name(contract: Contract, sensed: dict[str, Any]) -> dict[str, Any]:
     """Return a reading whose joints are mappings, in an order of no meaning."""
     names = sorted(contract.joint_names)
     place = {name: number for number, name in enumerate(contract.joint_names)}
     joints = {
-        key: {name: float(given[key][place[name]]) for name in names} for key in ("joint_position", "joint_velocity")
+        key: {name: float(sensed[key][place[name]]) for name in names} for key in ("joint_position", "joint_velocity")
     }
-    return given | joints
+    return sensed | joints
 
 
 def test_joints_come_by_name_in_any_order(contract: Contract) -> None:
     """Joints are matched by name, whatever their order in the library."""
     names = tuple(reversed(contract.joint_names))
-    given = reading(contract)
-    turned = given | {key: given[key][::-1] for key in ("joint_position", "joint_velocity")}
+    sensed = reading(contract)
+    turned = sensed | {key: sensed[key][::-1] for key in ("joint_position", "joint_velocity")}
     plain = load_policy(contract, make_network(contract))
-    command = given["command"]
-    sensors = Sensors(*(given[key] for key in ("quaternion", "angular_velocity", "joint_position", "joint_velocity")))
+    command = sensed["command"]
+    sensors = Sensors(*(sensed[key] for key in ("quaternion", "angular_velocity", "joint_position", "joint_velocity")))
     expected = plain.step(sensors, command).target
     listed = robot_policy(contract, names).step(0.0, **turned)
-    named = robot_policy(contract).step(0.0, **by_name(contract, given))
+    named = robot_policy(contract).step(0.0, **by_name(contract, sensed))
     np.testing.assert_array_equal(listed.target, expected[::-1])
     assert named.targets() == listed.targets() == dict(zip(contract.joint_names, expected.tolist(), strict=True))
 
 
 def test_joints_that_are_not_the_robots_are_named(contract: Contract) -> None:
-    """A name that is misspelt, missing, there twice, or not there at all, in the order or in a reading."""
+    """Rejects a joint name that is misspelt, missing, repeated or unknown, in the order or in a reading."""
     names = list(contract.joint_names)
     wrong = {
         "did you mean 'FL_shank'": [*names[:2], "FL_shanc", *names[3:]],
         "'RR_shank' is missing": names[:-1],
-        "there twice": [*names, names[0]],
+        "twice, expected each once": [*names, names[0]],
     }
-    given = reading(contract)
-    for said, order in wrong.items():
-        with pytest.raises(RobotError, match=said):
+    sensed = reading(contract)
+    for message, order in wrong.items():
+        with pytest.raises(RobotError, match=message):
             robot_policy(contract, tuple(order))
-        if said != "there twice":
+        if message != "twice, expected each once":
             mapping = dict.fromkeys(order, 0.0)
-            with pytest.raises(RobotError, match=said):
-                robot_policy(contract).step(0.0, **given | {"joint_position": mapping})
-    extra = by_name(contract, given)["joint_position"] | {"tail": 0.0}
+            with pytest.raises(RobotError, match=message):
+                robot_policy(contract).step(0.0, **sensed | {"joint_position": mapping})
+    extra = by_name(contract, sensed)["joint_position"] | {"tail": 0.0}
     with pytest.raises(RobotError, match="unknown joint 'tail'"):
-        robot_policy(contract).step(0.0, **given | {"joint_position": extra})
+        robot_policy(contract).step(0.0, **sensed | {"joint_position": extra})
     with pytest.raises(PolicyError, match="without names"):
-        robot_policy(contract).step(0.0, **given)
+        robot_policy(contract).step(0.0, **sensed)
     with pytest.raises(PolicyError, match="expected one number for each"):
-        robot_policy(contract, tuple(names)).step(0.0, **given | {"joint_position": given["joint_position"][:-1]})
+        robot_policy(contract, tuple(names)).step(0.0, **sensed | {"joint_position": sensed["joint_position"][:-1]})
 
 
 def test_joints_that_are_held_may_be_in_the_order() -> None:
@@ -96,11 +96,11 @@ def test_joints_that_are_held_may_be_in_the_order() -> None:
     robot = find_robot("g1")
     assert robot.vendor is not None
     contract = make_contract("g1", anatomy=robot)
-    given, order = reading(contract), robot.vendor.order
+    sensed, order = reading(contract), robot.vendor.order
     place = {name: number for number, name in enumerate(contract.joint_names)}
-    wide = {key: np.array([given[key][place[n]] if n in place else 0.5 for n in order])
+    wide = {key: np.array([sensed[key][place[n]] if n in place else 0.5 for n in order])
             for key in ("joint_position", "joint_velocity")}  # fmt: skip
-    targets = robot_policy(contract, order).step(0.0, **given | wide).targets()
+    targets = robot_policy(contract, order).step(0.0, **sensed | wide).targets()
     assert len(targets) == 29 and targets["left_elbow_joint"] == 1.28
 
 
@@ -199,7 +199,7 @@ def test_a_shipped_policy_walks_through_it() -> None:
     assert policy.note is None
     names, worst = ("quaternion", "angular_velocity", "joint_position", "joint_velocity", "command"), 0.0
     for t in range(100):
-        given = {name: getattr(golden, name)[t] for name in names}
-        step = policy.step(float(golden.time[t]), **given, now=float(golden.time[t]) + 0.001)
+        sensed = {name: getattr(golden, name)[t] for name in names}
+        step = policy.step(float(golden.time[t]), **sensed, now=float(golden.time[t]) + 0.001)
         worst = max(worst, float(np.abs(step.target - golden.target[t]).max()))
     assert worst < 1e-4

@@ -140,9 +140,9 @@ class Message:
 
     fields: tuple[str, ...] = ()
 
-    def __init__(self, **given: Any) -> None:
+    def __init__(self, **fields: Any) -> None:
         """Take the fields that are given."""
-        for name, value in given.items():
+        for name, value in fields.items():
             if name not in self.fields:
                 raise AssertionError(f"no field {name}")
             setattr(self, name, value)

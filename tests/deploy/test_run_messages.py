@@ -24,11 +24,11 @@ STATES, COMMANDS = state_layout(JOINTS, 6), command_layout(JOINTS)
 def test_states_and_commands_arrive_as_they_were_sent() -> None:
     """A joint's number arrives at another joint, or rounded."""
     generator = np.random.default_rng(0)
-    said = state(7, 1.25, joint_position=generator.standard_normal(JOINTS), command=12.0)
-    message = STATES.unpack(STATES.pack(7, 1.25, state_vectors(said)))
+    robot_state = state(7, 1.25, joint_position=generator.standard_normal(JOINTS), command=12.0)
+    message = STATES.unpack(STATES.pack(7, 1.25, state_vectors(robot_state)))
     assert message is not None
     heard = state_of(STATES, message, message.time)
-    for name, value in vars(said).items():
+    for name, value in vars(robot_state).items():
         if name == "sensors":
             for part, own in vars(value).items():
                 np.testing.assert_array_equal(getattr(heard.sensors, part), own)

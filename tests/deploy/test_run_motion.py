@@ -55,7 +55,7 @@ def test_a_run_plays_the_motion_from_its_first_target_to_its_end(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("duration", "played", "said"),
+    ("duration", "played", "end"),
     [
         (0.1, 0.1, "done: the first 0.1 s of a motion of 0.4 s, cut by --duration"),
         (1.0, 0.4, "done: a motion of 0.4 s"),
@@ -63,7 +63,7 @@ def test_a_run_plays_the_motion_from_its_first_target_to_its_end(tmp_path: Path)
     ],
 )
 def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
-    tmp_path: Path, duration: float | None, played: float, said: str
+    tmp_path: Path, duration: float | None, played: float, end: str
 ) -> None:
     """A motion ends with the smaller of its length and the duration, and the report names the cut."""
     file = write(tmp_path / "trajectory.csv", f"time,target.{KIND}\n0,0.2\n0.4,0.4\n")
@@ -72,22 +72,22 @@ def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
     assert len(outs) == pytest.approx(played / 0.002, abs=3)
     assert all(out.command is None or not out.command.kp.any() for out in run.outs if out.stage is Stage.DAMP)
     report = summary(run.supervisor, Timing(), {})
-    assert report["end"] == said and report["motion"] == pytest.approx({"seconds": 0.4, "played": played})
+    assert report["end"] == end and report["motion"] == pytest.approx({"seconds": 0.4, "played": played})
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("time,target.hip\n0,0\n1,3.0\n", "limits"),
         ("time,target.hip\n0,0\n1,nan\n", "limits"),
         ("time,target.elbow\n0,0\n1,0.1\n", "unknown joint 'elbow'"),
         ("time,position.hip\n0,0\n1,0.1\n", "no target"),
         ("target.hip\n0\n0.1\n", "time"),
-        ("time,target.hip\n0,0\n0,0.1\n", "does not grow"),
-        ("time,target.hip\n0,0\n9999,0.1\n", "longer"),
+        ("time,target.hip\n0,0\n0,0.1\n", "time must increase"),
+        ("time,target.hip\n0,0\n9999,0.1\n", "end before 1800 s"),
     ],
 )
-def test_what_is_no_motion_of_this_robot_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_no_motion_of_this_robot_is_refused(tmp_path: Path, text: str, message: str) -> None:
     """A trajectory of another joint, in degrees, or cut off, is played."""
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         Motion(write(tmp_path / "trajectory.csv", text), CONTRACT)

@@ -113,9 +113,9 @@ def test_velocity_commands_are_read_and_misspelt_ones_are_none() -> None:
         assert operator.remote and operator.velocity() is None
         say(b'{"vx": 0.1}', port)
         say(b'{"vx": 0.4, "wz": -0.2}', port)
-        found = operator.velocity()
-        assert found is not None and operator.complaint == ""
-        np.testing.assert_array_equal(found, [0.4, 0.0, -0.2])
+        velocity = operator.velocity()
+        assert velocity is not None and operator.complaint == ""
+        np.testing.assert_array_equal(velocity, [0.4, 0.0, -0.2])
         say(b'{"vX": 0.4}', port)
         assert operator.velocity() is None and "vx, vy, wz" in operator.complaint
 

@@ -55,11 +55,11 @@ def test_each_rule_at_its_limit(rule: str, limit: float, reading: Callable[[floa
     safety = Safety(CONTRACT, CFG, PERIOD)
     assert all(safety.check(state(n, n * PERIOD, **within)) is None for n in range(400))
     safety = Safety(CONTRACT, CFG, PERIOD)
-    found = [safety.check(state(n, n * PERIOD, **beyond)) for n in range(400)]
-    first = next(n for n, broken in enumerate(found) if broken is not None)
+    violations = [safety.check(state(n, n * PERIOD, **beyond)) for n in range(400)]
+    first = next(n for n, broken in enumerate(violations) if broken is not None)
     window = {"torque": CFG.torque_seconds, "flailing": CFG.flailing_seconds}.get(rule, PERIOD)
     assert first + 1 == round(window / PERIOD)
-    broken = found[first]
+    broken = violations[first]
     assert broken is not None and broken.rule == rule
     of_joint = rule in ("joint speed", "temperature", "torque")
     assert broken.joint == (CONTRACT.joint_names[3] if of_joint else None)
@@ -70,20 +70,20 @@ def test_each_rule_at_its_limit(rule: str, limit: float, reading: Callable[[floa
 @pytest.mark.parametrize("name", OTHER_FIELDS)
 def test_a_number_that_is_none_is_found_wherever_it_is(name: str, value: float) -> None:
     """A value that is no number is found in one motor, foot or axis."""
-    given = np.atleast_1d(getattr(state(1, 0.0), name)).astype(float)
-    good = np.where(np.isnan(given), 1.0, given)
+    vector = np.atleast_1d(getattr(state(1, 0.0), name)).astype(float)
+    good = np.where(np.isnan(vector), 1.0, vector)
     wrong = good.copy()
     wrong[-1] = value
     safety = Safety(CONTRACT, CFG, PERIOD)
     single = name == "battery"
     assert single or safety.finite(state(1, 0.0, **{name: good})) is None
-    found = safety.finite(state(2, PERIOD, **{name: float(wrong[0]) if single else wrong}))
+    violation = safety.finite(state(2, PERIOD, **{name: float(wrong[0]) if single else wrong}))
     if single and np.isnan(value):
         # It never said its voltage until now.
-        assert found is None and safety.finite(state(3, 2 * PERIOD)) is None
-        found = safety.finite(state(4, 3 * PERIOD, battery=value))
-    assert found is not None and found.rule == "not finite"
-    assert found.joint == (CONTRACT.joint_names[-1] if len(good) == JOINTS else None)
+        assert violation is None and safety.finite(state(3, 2 * PERIOD)) is None
+        violation = safety.finite(state(4, 3 * PERIOD, battery=value))
+    assert violation is not None and violation.rule == "not finite"
+    assert violation.joint == (CONTRACT.joint_names[-1] if len(good) == JOINTS else None)
 
 
 def test_what_a_robot_never_says_is_not_judged_and_what_it_said_must_go_on() -> None:
@@ -92,8 +92,8 @@ def test_what_a_robot_never_says_is_not_judged_and_what_it_said_must_go_on() -> 
     safety = Safety(CONTRACT, CFG, PERIOD)
     assert all(safety.finite(state(n, n * PERIOD, **unknown)) is None for n in range(5))
     assert safety.finite(state(5, 5 * PERIOD)) is None
-    found = safety.finite(state(6, 6 * PERIOD, joint_torque=np.full(JOINTS, np.nan)))
-    assert found is not None and found.rule == "not finite"
+    violation = safety.finite(state(6, 6 * PERIOD, joint_torque=np.full(JOINTS, np.nan)))
+    assert violation is not None and violation.rule == "not finite"
     assert safety.finite(state(7, 7 * PERIOD, command=np.nan)) is None
     broken = safety.finite(state(8, 8 * PERIOD, command=np.inf))
     assert broken is not None and broken.rule == "not finite"
@@ -120,14 +120,14 @@ def test_lost_states_are_judged_by_their_share_of_a_second() -> None:
 
 def test_what_is_lost_while_the_supervisor_itself_halts_is_no_fault_of_the_link() -> None:
     """A busy computer that does not read for 0.4 s, and so loses 0.3 s of states, is told that its cable is bad."""
-    safety, halted, found = Safety(CONTRACT, CFG, PERIOD), (1.5, 1.9), []
+    safety, halted, times = Safety(CONTRACT, CFG, PERIOD), (1.5, 1.9), []
     for n in range(2000):
         at = n * PERIOD
         if not halted[0] < at < halted[1]:
             bad = 0.3 / PERIOD if at > halted[1] + PERIOD else 0.0
-            found += [at] if safety.losses(bad + max(0.0, 0.5 * (n - 1500)), n, at) is not None else []
+            times += [at] if safety.losses(bad + max(0.0, 0.5 * (n - 1500)), n, at) is not None else []
     # The link that loses half from 3 s on is still found.
-    assert found[0] == pytest.approx(3.65, abs=0.06)
+    assert times[0] == pytest.approx(3.65, abs=0.06)
     # Nor is what the queue did not take while the run was prepared, found missing at the second look.
     safety = Safety(CONTRACT, CFG, PERIOD)
     assert all(safety.losses(0.4 / PERIOD * (n > 0), n, n * PERIOD) is None for n in range(2000))
@@ -146,31 +146,31 @@ def test_a_torque_that_nobody_asked_for_is_another_joint_s() -> None:
     target = np.full(JOINTS, 0.1)
     asked = kp * target
 
-    def found(torque: np.ndarray, speed: float = 0.0, steps: int = 100, every: int = 1) -> str | None:
+    def broken_rule(torque: np.ndarray, speed: float = 0.0, steps: int = 100, every: int = 1) -> str | None:
         safety = Safety(CONTRACT, CFG, PERIOD)
         safety.commanded(JointCommand.position(target, kp, kd))
         for number in range(steps):
             moving = np.full(JOINTS, speed)
             here = np.full(JOINTS, -kd[0] * speed / kp[0])  # So that the gains ask for the same torque.
-            said = state(
+            robot_state = state(
                 number, PERIOD * number * every, joint_position=here, joint_velocity=moving, joint_torque=torque
             )
-            if (violation := safety.check(said)) is not None:
+            if (violation := safety.check(robot_state)) is not None:
                 assert violation.joint == CONTRACT.joint_names[3] and violation.unit == "N m"
                 assert violation.limit == pytest.approx(CFG.torque_error * limit[3])
                 return violation.rule
         return None
 
-    assert found(asked) is None
+    assert broken_rule(asked) is None
     off = 1.05 * CFG.torque_error * limit * ONE
     # A mean over 75 readings, behind the 3 that an answer takes.
-    assert found(asked + off) == "torque and command" and found(asked + off, steps=77) is None
-    assert found(asked + 0.95 * CFG.torque_error * limit * ONE) is None
+    assert broken_rule(asked + off) == "torque and command" and broken_rule(asked + off, steps=77) is None
+    assert broken_rule(asked + 0.95 * CFG.torque_error * limit * ONE) is None
     # A motor that is driven fast gives less than it is asked for, and never more; one that says nothing is not judged.
-    assert found(asked - off, speed=7.0) is None and found(asked + off, speed=7.0) == "torque and command"
-    assert found(np.where(ONE > 0, 0.0, asked)) is None and found(np.where(ONE > 0, np.nan, asked)) is None
+    assert broken_rule(asked - off, speed=7.0) is None and broken_rule(asked + off, speed=7.0) == "torque and command"
+    assert broken_rule(np.where(ONE > 0, 0.0, asked)) is None and broken_rule(np.where(ONE > 0, np.nan, asked)) is None
     # Where most readings are lost, the one that came before says nothing of this one.
-    assert found(asked + off, every=3) is None
+    assert broken_rule(asked + off, every=3) is None
     damped = Safety(CONTRACT, CFG, PERIOD)
     damped.commanded(JointCommand.position(target, 0.0 * kp, kd))
     assert all(damped.check(state(n, PERIOD * n, joint_torque=asked + off)) is None for n in range(100))

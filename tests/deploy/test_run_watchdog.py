@@ -56,12 +56,12 @@ class Numbers:
 
     def __init__(self) -> None:
         self.sent: list[JointCommand] = []
-        self.said: list[RobotState] = []
+        self.states: list[RobotState] = []
 
     def receive(self) -> list[RobotState]:
         """Return the messages since the last call."""
-        said, self.said = self.said, []
-        return said
+        states, self.states = self.states, []
+        return states
 
     def send(self, command: JointCommand) -> int:
         """Keep a command."""
@@ -78,7 +78,7 @@ def test_it_damps_as_a_stop_does(falls_for: float, silent: bool, expected: float
     while not takeover.step(now):
         now += PERIOD
         position = STANDING - 0.5 * min(now, falls_for)
-        link.said = [] if silent else [state(1, now, joint_position=position)]
+        link.states = [] if silent else [state(1, now, joint_position=position)]
     assert now == pytest.approx(expected, abs=0.05) and len(link.sent) == pytest.approx(now / PERIOD, abs=2)
     for command in link.sent:
         assert not command.kp.any() and not command.forward.any() and (command.kd == CONTRACT.array("kd")).all()
@@ -203,9 +203,9 @@ def test_a_watchdog_that_does_not_come_up_refuses_the_run(tmp_path: Path) -> Non
     """Refuses a bundle that is gone, or another one since it was checked; unarmed, nothing is guarded."""
     link, bundle = UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD), read_bundle(BUNDLE)
     changed = replace(bundle, digest="0" * 64)
-    for checked, folder, said in ((bundle, tmp_path / "nowhere", "nowhere"), (changed, BUNDLE, "has changed since")):
+    for checked, folder, message in ((bundle, tmp_path / "nowhere", "nowhere"), (changed, BUNDLE, "has changed since")):
         with (
-            pytest.raises(RobotError, match=f"the watchdog did not come up: .*{said}"),
+            pytest.raises(RobotError, match=f"the watchdog did not come up: .*{message}"),
             watchdog_process(checked, folder, link, SHORT),
         ):
             raise AssertionError("it came up")

@@ -37,7 +37,7 @@ def link_to(robot: socket.socket) -> tuple[UdpLink, tuple[str, int]]:
     return link, address
 
 
-def said(number: int) -> bytes:
+def packed_state(number: int) -> bytes:
     """A whole state."""
     return STATES.pack(number, 0.002 * number, state_vectors(state(number, 0.002 * number)))
 
@@ -48,14 +48,14 @@ def test_a_second_robot_is_counted_and_its_states_are_not_believed(robot: socket
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind((LOOPBACK, 0))
         for n in range(500):
-            other.sendto(b"noise" if n % 2 else said(7)[:-1], address)
-        robot.sendto(said(1), address)
+            other.sendto(b"noise" if n % 2 else packed_state(7)[:-1], address)
+        robot.sendto(packed_state(1), address)
         select.select([link.fileno()], [], [], 10.0)
         assert [each.number for each in link.receive()] == [1]
         while len(link.peers().robots) == 1 and select.select([link._strangers], [], [], 0)[0]:
             pass
         assert link.peers().robots == (f"{LOOPBACK}:{robot.getsockname()[1]}",) and link.malformed == 0
-        other.sendto(said(7), address)
+        other.sendto(packed_state(7), address)
         select.select([link._strangers], [], [], 10.0)
         assert link.peers().robots[1] == f"{LOOPBACK}:{other.getsockname()[1]}"
         assert link.receive() == []
@@ -66,11 +66,11 @@ def test_a_second_robot_is_counted_and_its_states_are_not_believed(robot: socket
 def test_a_state_that_waited_says_for_how_long(robot: socket.socket) -> None:
     """States that waited in the queue are as old as their wait, each by itself."""
     link, address = link_to(robot)
-    robot.sendto(said(1), address)
+    robot.sendto(packed_state(1), address)
     begin = time.time()
     while time.time() < begin + 0.05:
         time.sleep(0.01)
-    robot.sendto(said(2), address)
+    robot.sendto(packed_state(2), address)
     first, second = link.receive()
     assert first.age >= 0.05 and 0.0 <= second.age <= first.age - 0.05
     link.close()
@@ -80,13 +80,13 @@ def test_a_state_that_comes_again_or_late_is_no_state(robot: socket.socket) -> N
     """A duplicate, and a state behind a newer one, are counted and kept from whoever acts; a clock may be set."""
     link, address = link_to(robot)
     earlier = STATES.pack(6, -50.0, state_vectors(state(6, -50.0)))
-    for data in (said(1), said(1), said(4), said(3), earlier):
+    for data in (packed_state(1), packed_state(1), packed_state(4), packed_state(3), earlier):
         robot.sendto(data, address)
-    until, found = time.monotonic() + 10.0, []
-    while len(found) < 3 and time.monotonic() < until:
-        found += link.receive()
-    assert [each.number for each in found] == [1, 4, 6]
-    assert found[0].time < found[1].time < found[2].time < 10.0
+    until, states = time.monotonic() + 10.0, []
+    while len(states) < 3 and time.monotonic() < until:
+        states += link.receive()
+    assert [each.number for each in states] == [1, 4, 6]
+    assert states[0].time < states[1].time < states[2].time < 10.0
     assert link.arrivals.counts.reported() == {
         **{"dropped": 2, "late": 0, "twice": 1, "reordered": 1, "clock_steps": 1}
     }
@@ -98,7 +98,7 @@ def test_a_burst_of_states_is_not_lost_before_it_is_read(robot: socket.socket) -
     """A robot on a busy computer sends a third of a second at once; the queue of a socket as it is holds 92 states."""
     link, address = link_to(robot)
     for number in range(150):
-        robot.sendto(said(number + 1), address)
+        robot.sendto(packed_state(number + 1), address)
     assert len(link.receive()) == 150 and link.arrivals.counts.dropped == 0
     link.close()
 
@@ -108,11 +108,11 @@ def test_a_clock_that_is_set_here_makes_no_state_old(robot: socket.socket, monke
     """The system says arrivals by a clock that may be set; no wait is longer than since the port was last empty."""
     link, address = link_to(robot)
     assert link.receive() == []
-    robot.sendto(said(1), address)
+    robot.sendto(packed_state(1), address)
     set_by, clock = 3_600_000_000_000, time.time_ns
     monkeypatch.setattr("stiction.deploy.transports.udp.time.time_ns", lambda: clock() + set_by)
-    begin, found = link._emptied, link.receive()
-    assert len(found) == 1 and 0.0 < found[0].age <= time.monotonic() - begin
+    begin, states = link._emptied, link.receive()
+    assert len(states) == 1 and 0.0 < states[0].age <= time.monotonic() - begin
     link.close()
 
 

@@ -72,9 +72,9 @@ def test_types_are_the_maker_s_to_the_last_field(kind: str) -> None:
     """Another name, order or width of a field makes another type: nothing arrives, or an old robot's DDS goes down."""
     made = wire_type(STRUCTURES[kind])
     made.__idl__.fill_type_data()
-    said = made.__idl__.get_type_info()
-    found = [bytes(part.typeid_with_size.type_id.value).hex() for part in (said.minimal, said.complete)]
-    assert " ".join(found) == IDENTITIES[kind]
+    info = made.__idl__.get_type_info()
+    identities = [bytes(part.typeid_with_size.type_id.value).hex() for part in (info.minimal, info.complete)]
+    assert " ".join(identities) == IDENTITIES[kind]
 
 
 @pytest.mark.slow
@@ -118,8 +118,8 @@ def test_states_without_a_checksum_are_refused_once_in_words_and_in_the_report(
     with robot("unitree_go", domain, "simulator") as process:
         assert main(words) == 1
         assert json.loads(process.communicate("")[0]) == []
-    said, errors = capfd.readouterr()
-    report = json.loads(said)
+    output, errors = capfd.readouterr()
+    report = json.loads(output)
     assert report["stop"]["rule"] == "not ready" and report["malformed"] > 10 and report["states"] == 0
     assert report["complaint"].startswith("checksum: got 0, expected ")
     assert errors.count("\n") == 1 and errors.count(report["complaint"]) == 1
@@ -143,9 +143,9 @@ def test_two_robots_on_one_domain_are_refused_before_anything_moves(
     with robot("unitree_go", domain) as first, robot("unitree_go", domain) as second:
         assert main([*words, "--readers", "2"]) == 1
         heard = [json.loads(each.communicate("")[0]) for each in (first, second)]
-        said = capfd.readouterr().err
-        assert said.startswith("stiction deploy: second robot: got 2 (") and said.count("\n") == 1
-        assert all(f"process {each.pid} on " in said for each in (first, second))
+        error = capfd.readouterr().err
+        assert error.startswith("stiction deploy: second robot: got 2 (") and error.count("\n") == 1
+        assert all(f"process {each.pid} on " in error for each in (first, second))
         assert not any(one["stiff"] for each in heard for one in each)
 
 
@@ -188,19 +188,19 @@ def test_the_maker_s_library_understands_us(family: str, state: Structure, comma
         while process.poll() is None and time.monotonic() < until:
             select.select([bus.fileno()], [], [], 0.1)
             for _, data in bus.receive():
-                found = state.from_wire(data)
-                assert state.checksum(found) == found["crc"]
-                np.testing.assert_allclose(found["motor_state"]["q"][:number], 0.5 + np.arange(number))
+                fields = state.from_wire(data)
+                assert state.checksum(fields) == fields["crc"]
+                np.testing.assert_allclose(fields["motor_state"]["q"][:number], 0.5 + np.arange(number))
                 if family == "hg":
-                    message["mode_machine"] = found["mode_machine"]
+                    message["mode_machine"] = fields["mode_machine"]
                 message["crc"] = command.checksum(message)
                 bus.send(command.to_wire(message))
-        said, errors = process.communicate(timeout=10)
+        output, errors = process.communicate(timeout=10)
     finally:
         process.kill()
         bus.close()
-    lines = [line for line in said.splitlines() if line.startswith("HEARD ")]
-    assert lines, said + errors
+    lines = [line for line in output.splitlines() if line.startswith("HEARD ")]
+    assert lines, output + errors
     for name, values in zip(("q", "kp", "kd", "tau"), json.loads(lines[0].removeprefix("HEARD ")), strict=True):
         np.testing.assert_allclose(values, motors[name], rtol=1e-6, err_msg=name)
 

@@ -75,7 +75,7 @@ def connected(
     return bus, UnitreeLink(Translation(transport, contract, held), bus)
 
 
-def said(structure: Structure, change: Callable[[np.ndarray], None] = lambda message: None) -> bytes:
+def state_message(structure: Structure, change: Callable[[np.ndarray], None] = lambda message: None) -> bytes:
     """A state of a robot that stands, with its checksum; `change`: before that is made."""
     message = structure.blank()
     message["imu_state"]["quaternion"], message["imu_state"]["accelerometer"] = (1, 0, 0, 0), (0, 0, 9.81)
@@ -84,7 +84,7 @@ def said(structure: Structure, change: Callable[[np.ndarray], None] = lambda mes
     return structure.to_wire(message)
 
 
-UNCHECKED = said(GO_STATE)[:-4] + bytes(4)
+UNCHECKED = state_message(GO_STATE)[:-4] + bytes(4)
 """A state whose checksum was left at zero."""
 
 
@@ -101,7 +101,7 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
         message["imu_state"]["gyroscope"] = (0.1, 0.2, 0.3)
 
     bus, link = connected()
-    bus.waiting = [(7_000_000_000, said(GO_STATE, change)), (7_002_000_000, said(GO_STATE, change))]
+    bus.waiting = [(7_000_000_000, state_message(GO_STATE, change)), (7_002_000_000, state_message(GO_STATE, change))]
     first, state = link.receive()
     assert (first.time, state.time, state.number) == (0.0, pytest.approx(0.002), 2)
     # Our first joint is the maker's twelfth: 1.1 = -q + 0.5.
@@ -132,7 +132,7 @@ def test_ages_are_by_the_robot_s_stamps_and_forget_drifting_clocks() -> None:
 def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:
     """A joint is driven the wrong way, or another one is driven."""
     bus, link = connected()
-    bus.waiting = [(0, said(GO_STATE))]
+    bus.waiting = [(0, state_message(GO_STATE))]
     link.receive()
     angles = np.arange(12) / 10 + 0.2
     number = link.send(JointCommand(angles, np.full(12, 35.0), np.arange(12) + 1.0, np.arange(12) + 0.5))
@@ -165,7 +165,7 @@ def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
     damped = JointCommand(np.zeros(12), np.zeros(12), gains[1], np.zeros(12))
     asked = []
     for n, command in enumerate((damped, stiff, stiff, stiff, damped)):
-        bus.waiting = [(n * 100_000_000, said(HG_STATE, change))]
+        bus.waiting = [(n * 100_000_000, state_message(HG_STATE, change))]
         state = link.receive()[0]
         link.send(command)
         message = HG_COMMAND.from_wire(bus.sent[-1])
@@ -187,7 +187,7 @@ def test_a_clock_that_is_set_and_states_that_come_again_are_not_acted_on() -> No
     first, hour = 2**32 - 4, 3_600_000_000_000
     # Ticks of 2 ms; the clock is set back by an hour, then the third comes again, and the second too.
     for ticks, stamp in ((0, 0), (2, 2_000_000), (4, 4_000_000 - hour), (4, 4_000_000 - hour), (2, 2_000_000)):
-        message = said(GO_STATE, lambda message, at=ticks: message.__setitem__("tick", (first + at) % 2**32))  # type: ignore[misc]
+        message = state_message(GO_STATE, lambda message, at=ticks: message.__setitem__("tick", (first + at) % 2**32))  # type: ignore[misc]
         bus.waiting.append((hour + stamp, message))
     bus.missing = 3
     states = link.receive()
@@ -200,8 +200,8 @@ def test_a_clock_that_is_set_and_states_that_come_again_are_not_acted_on() -> No
 @pytest.mark.parametrize(
     ("damaged", "why"),
     [
-        (said(GO_STATE)[:-2] + b"xx", r"checksum: got \d+, expected \d+$"),
-        (said(GO_STATE)[:-40], "expected 1176"),
+        (state_message(GO_STATE)[:-2] + b"xx", r"checksum: got \d+, expected \d+$"),
+        (state_message(GO_STATE)[:-40], "expected 1176"),
         (b"", "CDR"),
         (UNCHECKED, r"checksum: got 0, expected \d+; unitree_mujoco in Python sends none"),
     ],
@@ -216,7 +216,7 @@ def test_a_state_that_is_not_whole_is_none(damaged: bytes, why: str) -> None:
 def test_ankles_in_numbers_of_motors_are_refused() -> None:
     """In mode AB the numbers of ankle and waist are of two motors beside each other, and look like angles."""
     bus, link = connected("unitree-hg", HG, HELD)
-    bus.waiting = [(0, said(HG_STATE, lambda message: message.__setitem__("mode_pr", 1)))]
+    bus.waiting = [(0, state_message(HG_STATE, lambda message: message.__setitem__("mode_pr", 1)))]
     assert link.receive() == [] and "mode_pr is 1" in link.complaint
 
 

@@ -23,10 +23,10 @@ def test_a_reversed_order_with_signs_and_zeros_by_hand() -> None:
     vendor = Vendor(names, (1.0,) * 11 + (-1.0,), (0.0,) * 11 + (0.5,))
     maker = VendorMap(make_contract("go1", anatomy=replace(robot, vendor=vendor)))
     angles = np.arange(12) / 10 + 0.2
-    found = maker.to_maker(angles)
-    assert maker.order[-1] == "FR_hip_joint" and found[-1] == pytest.approx(0.3)
-    np.testing.assert_allclose(found[:-1], angles[:0:-1])
-    np.testing.assert_allclose(maker.from_maker(found), angles)
+    maker_angles = maker.to_maker(angles)
+    assert maker.order[-1] == "FR_hip_joint" and maker_angles[-1] == pytest.approx(0.3)
+    np.testing.assert_allclose(maker_angles[:-1], angles[:0:-1])
+    np.testing.assert_allclose(maker.from_maker(maker_angles), angles)
     np.testing.assert_allclose(maker.from_maker(maker.to_maker(np.tile(angles, (3, 1)))), np.tile(angles, (3, 1)))
 
 

@@ -27,11 +27,11 @@ def frame_of(joints: int, angle: float, velocity: float, action: float) -> np.nd
 def test_moments_of_one_joint_by_hand() -> None:
     """Target 0.25·0.8 = 0.2 rad, angle 0.05, from 1 to 0.5 rad/s: e = 0.15, sign = tanh(1), change -0.5."""
     moments = Moments(proprioception(1), 0.25)
-    found = moments(frame_of(1, 0.0, 1.0, 0.0), frame_of(1, 0.05, 0.5, 0.8))
+    values = moments(frame_of(1, 0.0, 1.0, 0.0), frame_of(1, 0.05, 0.5, 0.8))
     sign = np.tanh(1.0)
     joint = [0.15, 0.05, 0.5, 0.15 * sign, 0.5 * sign, 0.15, 0.0225, 0.075, -0.5 * sign, 0.5, sign**2]
-    np.testing.assert_allclose(found, [*joint, *[0.0] * 13], atol=1e-12)
-    assert len(found) == JOINT_MOMENTS + BODY_MOMENTS
+    np.testing.assert_allclose(values, [*joint, *[0.0] * 13], atol=1e-12)
+    assert len(values) == JOINT_MOMENTS + BODY_MOMENTS
 
 
 def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None:
@@ -39,12 +39,12 @@ def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None
     monitor = WearMonitor(contract, make_wear(contract))
     frame = frame_of(18, 0.0, 50.0, 0.4)
     observation = np.concatenate([np.full(650, 9.0), frame]).astype(np.float32)
-    said = [monitor.step(observation) for _ in range(7)]
-    assert [one is not None for one in said] == [False, False, False, True, False, False, True]
-    assert said[3] is not None
-    assert said[3].friction == pytest.approx([0.11] * 18, abs=1e-6)
-    assert said[3].interval95[:, 0] == pytest.approx([0.09, 0.13], abs=1e-6)
-    assert said[3].level_interval95 == pytest.approx((0.09, 0.13), abs=1e-6)
+    estimates = [monitor.step(observation) for _ in range(7)]
+    assert [one is not None for one in estimates] == [False, False, False, True, False, False, True]
+    assert estimates[3] is not None
+    assert estimates[3].friction == pytest.approx([0.11] * 18, abs=1e-6)
+    assert estimates[3].interval95[:, 0] == pytest.approx([0.09, 0.13], abs=1e-6)
+    assert estimates[3].level_interval95 == pytest.approx((0.09, 0.13), abs=1e-6)
     monitor.step(observation)
     monitor.reset()
     assert [monitor.step(observation) is not None for _ in range(4)] == [False, False, False, True]
@@ -62,31 +62,31 @@ def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
 def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contract: Contract) -> None:
     """0.01 from the map, 0.01 more, from 0 (0.01 − 0.03 is none) to 0.06; of other robots 94 % of windows held."""
     model = make_wear(contract, calibration=make_calibration(contract))
-    found = estimate(model, np.zeros(len(model.center)))
-    assert found.calibrated and found.level == pytest.approx(0.02)
-    assert found.level_interval95 == pytest.approx((0.0, 0.06)) and found.level_held == 0.94
-    assert found.friction[0] == pytest.approx(0.02) and found.interval95[:, 0] == pytest.approx([0.0, 0.06])
-    assert found.untold[0] is None and "as wide as all" in (found.untold[1] or "")
+    reading = estimate(model, np.zeros(len(model.center)))
+    assert reading.calibrated and reading.level == pytest.approx(0.02)
+    assert reading.level_interval95 == pytest.approx((0.0, 0.06)) and reading.level_held == 0.94
+    assert reading.friction[0] == pytest.approx(0.02) and reading.interval95[:, 0] == pytest.approx([0.0, 0.06])
+    assert reading.untold[0] is None and "as wide as all" in (reading.untold[1] or "")
 
 
 def test_a_map_that_was_not_calibrated_says_how_little_its_intervals_held(contract: Contract) -> None:
     """A map without calibration states the coverage of its intervals."""
-    found = estimate(make_wear(contract), np.zeros(len(make_wear(contract).center)))
-    assert not found.calibrated and found.level_held == 0.07 and np.isnan(found.held).all()
+    reading = estimate(make_wear(contract), np.zeros(len(make_wear(contract).center)))
+    assert not reading.calibrated and reading.level_held == 0.07 and np.isnan(reading.held).all()
 
 
 def test_an_estimate_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
     """The estimate names its limits: outside the map, where the map is blind, and in a strange window."""
     estimated = (False,) + (True,) * 18
     monitor = WearMonitor(contract, make_wear(contract, estimated=estimated, intercept=(0.01, 0.3) + (0.01,) * 17))
-    found = [monitor.step(np.zeros(726, np.float32)) for _ in range(5)]
-    (seen,) = [one for one in found if one is not None]
+    estimates = [monitor.step(np.zeros(726, np.float32)) for _ in range(5)]
+    (seen,) = [one for one in estimates if one is not None]
     first, second, third, *_ = seen.untold
     assert np.isnan(seen.friction[0]) and "hardly depends" in (first or "")
     assert seen.friction[1] == pytest.approx(0.3) and "above 0.24" in (second or "")
     assert third is None and seen.interval95[:, 2] == pytest.approx([0.0, 0.03])
-    found = [monitor.step(np.full(726, 9.0, np.float32)) for _ in range(3)]
-    (strange,) = [one for one in found if one is not None]
+    estimates = [monitor.step(np.full(726, 9.0, np.float32)) for _ in range(3)]
+    (strange,) = [one for one in estimates if one is not None]
     assert strange.unusual and "unlike" in (strange.untold[-1] or "")
 
 

@@ -59,7 +59,7 @@ def test_the_film_of_the_front_page_says_what_was_measured(monkeypatch: pytest.M
     monkeypatch.syspath_prepend(str(CHECKOUT / "tools"))
     import hero
 
-    said = hero.caption()
-    assert f"*{said}*" in (CHECKOUT / "README.md").read_text()
-    slow, fast = (float(number) for number in re.findall(r"([\d.]+) m/s", said)[1:])
+    caption = hero.caption()
+    assert f"*{caption}*" in (CHECKOUT / "README.md").read_text()
+    slow, fast = (float(number) for number in re.findall(r"([\d.]+) m/s", caption)[1:])
     assert slow < 0.8 * 0.5 <= fast <= 1.2 * 0.5

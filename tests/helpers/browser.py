@@ -60,14 +60,14 @@ class Tab:
 
     def _listen(self, event: dict[str, Any]) -> None:
         """Keep what the console says of errors."""
-        found = event.get("params", {})
+        params = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            details = found["exceptionDetails"]
+            details = params["exceptionDetails"]
             self.complaints.append(details.get("exception", {}).get("description", details["text"]))
-        elif event.get("method") == "Runtime.consoleAPICalled" and found["type"] == "error":
-            self.complaints.append(" ".join(str(word.get("value", word.get("description"))) for word in found["args"]))
-        elif event.get("method") == "Log.entryAdded" and found["entry"]["level"] == "error":
-            self.complaints.append(f"{found['entry']['text']} ({found['entry'].get('url')})")
+        elif event.get("method") == "Runtime.consoleAPICalled" and params["type"] == "error":
+            self.complaints.append(" ".join(str(word.get("value", word.get("description"))) for word in params["args"]))
+        elif event.get("method") == "Log.entryAdded" and params["entry"]["level"] == "error":
+            self.complaints.append(f"{params['entry']['text']} ({params['entry'].get('url')})")
 
     def open(self, address: str) -> None:
         """Go to an address."""
@@ -134,7 +134,7 @@ def wait(condition: Callable[[], Any], what: str) -> Any:
     """Return what a condition returns once that is true."""
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
-        if found := condition():
-            return found
+        if value := condition():
+            return value
         time.sleep(0.05)
     raise AssertionError(f"nothing within {PATIENCE:.0f} s: {what}")

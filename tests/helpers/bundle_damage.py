@@ -168,8 +168,8 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "anatomy": [{}, asdict(make_robot("go2")), asdict(make_robot("saturn_lite"))],
         "observation.history_length": [3, 10**9],
     }
-    for name, given in values.items():
-        for number, value in enumerate(given):
+    for name, wrong_values in values.items():
+        for number, value in enumerate(wrong_values):
             yield f"contract {name} {number}", field(name, value)
     frames = ("base", "joint", "world", "")
     for number, term in enumerate(both.observation.terms):
@@ -444,8 +444,8 @@ def wear_cases() -> Iterator[tuple[str, Change]]:
         "highest": [0, HUGE],
         "more": [1],
     }
-    for name, given in values.items():
-        for number, value in enumerate(given):
+    for name, wrong_values in values.items():
+        for number, value in enumerate(wrong_values):
             yield f"wear {name} {number}", wear(name, value)
     yield "wear doubled key", lambda files, arrays: files.update({WEAR: files[WEAR][:-2] + b', "window": 3}'})
     yield "wear no text", lambda files, arrays: files.update({WEAR: b"\xff"})
@@ -486,10 +486,10 @@ def attack(folder: Path, cases: Iterator[tuple[str, Change]]) -> dict[str, Any]:
         change(own, recorded)
         write(target, own, recorded)
         before = time.perf_counter()
-        found, fault = bounded(lambda: check_bundle(target), LONGEST)
+        result, fault = bounded(lambda: check_bundle(target), LONGEST)
         slowest = max(slowest, time.perf_counter() - before)
-        refused += found is None
-        accepted += [] if found is None else [name]
+        refused += result is None
+        accepted += [] if result is None else [name]
         wrong += [f"{name}: {fault}"] if fault else []
     growth = peak_memory() - start
     return {"refused": refused, "accepted": accepted, "wrong": wrong, "slowest": slowest, "growth": growth}

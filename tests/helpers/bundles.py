@@ -126,7 +126,7 @@ def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 
 
 
 _GOLDENS: dict[tuple[str, bytes, int, int], Golden] = {}
-"""What `make_golden` has made: a policy steps through all of it, and hundreds of tests ask for the same one."""
+"""Cache of `make_golden`: hundreds of tests use the same golden vectors, which take a policy many steps."""
 
 
 def _step_through(contract: Contract, model: bytes, steps: int, seed: int) -> Golden:
@@ -199,7 +199,7 @@ def make_wear(contract: Contract, **changes) -> WearModel:
 
 
 def make_calibration(contract: Contract, **changes) -> WearCalibration:
-    """What virtual robots say of `make_wear`: 0.01 too low; the second joint's interval is as wide as the map."""
+    """Return a calibration of `make_wear`: 0.01 too low; the second joint's interval is as wide as the map."""
     targets = contract.num_joints + 1
     wide = (0.0, 0.15, *(0.0,) * (targets - 2))
     values = {

@@ -39,11 +39,11 @@ class Block:
     page: str
     """Name of the page."""
     line: int
-    """Where it begins."""
+    """First line."""
     language: str
-    """What stands behind its fence."""
+    """Language named after the opening fence."""
     text: str
-    """What is in it."""
+    """Content."""
     how: str = "run"
     """`run`, `parse` or `skip`."""
     reason: str = ""
@@ -82,14 +82,14 @@ def _marked(block: Block, mark: str) -> Block:
 
 def blocks_of(page: Path) -> list[Block]:
     """Return the blocks of a page in their order."""
-    text, found = page.read_text(encoding="utf-8"), []
+    text, blocks = page.read_text(encoding="utf-8"), []
     for match in BLOCK.finditer(text):
         indent, language, body = match.groups()
         inner = re.sub(f"^{indent}", "", body, flags=re.MULTILINE)
         block = Block(page.name, text[: match.start()].count("\n") + 1, language, inner)
         mark = MARK.search(text[: match.start()])
-        found.append(_marked(block, " ".join(mark[1].split())) if mark else block)
-    return found
+        blocks.append(_marked(block, " ".join(mark[1].split())) if mark else block)
+    return blocks
 
 
 def files_of(page: Path) -> list[str]:

@@ -168,9 +168,9 @@ def mutants(contract: dict[str, Any], share: int = 1) -> Iterator[tuple[str, str
     of_field: dict[str, list[tuple[Path_, Any]]] = {}
     for path, value in places(whole):
         of_field.setdefault(pattern_of(path[1:]), []).append((path, value))
-    for pattern, found in of_field.items():
-        chosen = {0, zlib.crc32(pattern.encode()) % len(found)}
-        for path, value in (found[number] for number in sorted(chosen)):
+    for pattern, entries in of_field.items():
+        chosen = {0, zlib.crc32(pattern.encode()) % len(entries)}
+        for path, value in (entries[number] for number in sorted(chosen)):
             name = next(key for key in reversed(path) if isinstance(key, str))
             inner: Any = whole
             for key in path[:-1]:
@@ -196,7 +196,7 @@ def _same(mutated: Any, value: Any) -> bool:
 
 
 @dataclass
-class Found:
+class Tally:
     """Count of mutants of one bundle."""
 
     refused: int = 0
@@ -221,31 +221,31 @@ def is_free(pattern: str, what: str) -> bool:
     return any(re.fullmatch(rf"{free}(\..*)?", each) for free in patterns for each in (changed, words[0]))
 
 
-def attack_contract(folder: Path, files: bundle_damage.Files, arrays: bundle_damage.Arrays) -> Found:
+def attack_contract(folder: Path, files: bundle_damage.Files, arrays: bundle_damage.Arrays) -> Tally:
     """Check every mutant of a bundle's contract, of which a third without STICTION_FULL=1."""
     bundle_damage.write(folder, files, arrays)
     original = check_bundle(folder).bundle.contract
-    found = Found()
+    tally = Tally()
     for pattern, what, text in mutants(json.loads(files[CONTRACT]), count(3, 1)):
         content = text.encode()
         try:
             # What `check_bundle` does first; most mutants go no further.
             contract = read_contract(content)
             if contract == original:
-                found.same += 1  # a field that was left out, and has its default
+                tally.same += 1  # a field that was left out, and has its default
                 continue
             check_robot(contract)
             if not is_free(pattern, what):
                 bundle_damage.write(folder, files | {CONTRACT: content}, arrays)
                 check_bundle(folder)
-            found.accepted.append((pattern, what))
+            tally.accepted.append((pattern, what))
         except StictionError as error:
-            found.refused += 1
+            tally.refused += 1
             if "\n" in str(error) or not 0 < len(str(error)) < 2000:
-                found.wrong.append(f"{what}: {error!r}"[:300])
+                tally.wrong.append(f"{what}: {error!r}"[:300])
         except Exception as error:
-            found.wrong.append(f"{what}: {type(error).__name__}: {error}"[:300])
-    return found
+            tally.wrong.append(f"{what}: {type(error).__name__}: {error}"[:300])
+    return tally
 
 
 def shipped() -> tuple[bundle_damage.Files, bundle_damage.Arrays]:
@@ -289,13 +289,13 @@ def report() -> int:
     status = 0
     for name, make in BUNDLES.items():
         with tempfile.TemporaryDirectory() as folder:
-            found = attack_contract(Path(folder) / "bundle", *make())
-        free = Counter(field for field, what in found.accepted if is_free(field, what))
-        print(f"{name}: {found.refused + len(found.accepted) + len(found.wrong)} mutants, {found.refused} refused, "
-              f"{free.total()} accepted in free fields, {len(found.surprising)} elsewhere, {len(found.wrong)} without "
+            tally = attack_contract(Path(folder) / "bundle", *make())
+        free = Counter(field for field, what in tally.accepted if is_free(field, what))
+        print(f"{name}: {tally.refused + len(tally.accepted) + len(tally.wrong)} mutants, {tally.refused} refused, "
+              f"{free.total()} accepted in free fields, {len(tally.surprising)} elsewhere, {len(tally.wrong)} without "
               "one line")  # fmt: skip
         print("  free: " + ", ".join(f"{field} {count}" for field, count in free.items()))
-        for line in (*found.surprising, *found.wrong):
+        for line in (*tally.surprising, *tally.wrong):
             print(f"  {line}")
-        status = max(status, int(bool(found.surprising or found.wrong)))
+        status = max(status, int(bool(tally.surprising or tally.wrong)))
     return status

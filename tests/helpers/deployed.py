@@ -35,7 +35,7 @@ def state(number: int, time: float, **changed: Any) -> RobotState:
         "joint_velocity": np.zeros(JOINTS),
     }
     sensors |= {name: changed.pop(name) for name in list(changed) if name in sensors}
-    said = RobotState(
+    robot_state = RobotState(
         number=number,
         time=time,
         sensors=Sensors(**sensors),
@@ -51,7 +51,7 @@ def state(number: int, time: float, **changed: Any) -> RobotState:
         torque_limit=CONTRACT.array("torque_limit"),
         command=np.nan,
     )
-    return replace(said, **changed)
+    return replace(robot_state, **changed)
 
 
 @dataclass
@@ -61,9 +61,9 @@ class Run:
     cfg: SupervisorCfg = SHORT
     source: Motion | None = None
     target: np.ndarray = field(default_factory=lambda: STANDING + 0.05)
-    """What the policy asks for."""
+    """Joint targets of the policy [rad]."""
     perfect: bool = True
-    """Whether joints are where they are asked to be."""
+    """True if joints follow their targets exactly."""
 
     def __post_init__(self) -> None:
         """Begin at time 0."""
@@ -77,23 +77,23 @@ class Run:
         """Put the joints somewhere, at rest [rad], shape (J,)."""
         self.position, self.goal = np.array(position), np.array(position)
 
-    def step(self, said: RobotState | None = None, silent: bool = False) -> list[Out]:
+    def step(self, robot_state: RobotState | None = None, silent: bool = False) -> list[Out]:
         """Let 2 ms pass, in which the robot says something, by default that it stands; return what was decided."""
         self.now, self.number = self.now + PERIOD, self.number + 1
-        found: list[Out | None] = []
+        results: list[Out | None] = []
         if not silent:
             moved = np.clip(self.goal - self.position, -FASTEST * PERIOD, FASTEST * PERIOD)
             self.position = self.position + moved
             now = {"joint_position": self.position.copy(), "joint_velocity": moved / PERIOD}
-            said = said or state(self.number, self.now, **now)
-            found.append(self.supervisor.state(said, self.now))
+            robot_state = robot_state or state(self.number, self.now, **now)
+            results.append(self.supervisor.state(robot_state, self.now))
         if self.answers and self.number % 10 == 0:
             if self.supervisor.stage is Stage.RUN:
-                found.append(self.supervisor.policy_targets(self.target, self.now))
+                results.append(self.supervisor.policy_targets(self.target, self.now))
             else:
                 self.supervisor.policy_waits(self.now)
-        found.append(self.supervisor.tick(self.now))
-        outs = [out for out in found if out is not None]
+        results.append(self.supervisor.tick(self.now))
+        outs = [out for out in results if out is not None]
         self.outs += outs
         for out in outs:
             if self.perfect and out.command is not None and out.command.kp.any():

@@ -41,10 +41,10 @@ def simulate(duration: float = 15.0, step: float = 2e-4, update: float = 1e-3) -
 
 def measured(rows: np.ndarray, encoder: float = 1e-4, noise: float = 0.01) -> np.ndarray:
     """Return rows with an encoder's steps [rad] and white noise of the torque [N m]."""
-    found = np.array(rows)
-    found[:, 1] = np.round(found[:, 1] / encoder) * encoder
-    found[:, 3] += noise * np.random.default_rng(1).standard_normal(len(found))
-    return found
+    samples = np.array(rows)
+    samples[:, 1] = np.round(samples[:, 1] / encoder) * encoder
+    samples[:, 3] += noise * np.random.default_rng(1).standard_normal(len(samples))
+    return samples
 
 
 def log_rows() -> np.ndarray:

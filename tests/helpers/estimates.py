@@ -1,4 +1,4 @@
-"""What tests ask of estimates."""
+"""Checks of estimates, shared by tests."""
 
 from __future__ import annotations
 

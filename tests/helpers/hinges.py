@@ -23,8 +23,8 @@ class Hinges:
         self.body, self.timestep = body, timestep
         self._inertia, self._weight = link + body.armature, weight
         self.force, self.torque = np.zeros_like(body.armature), np.zeros_like(body.armature)
-        """What the joints are said to transmit."""
-        self.given, self.bounds = [], []
+        """Forces and torques that the joints report."""
+        self.torques, self.bounds = [], []
         """Every step's torques and bounds."""
         self.reset(np.zeros_like(body.armature), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -45,7 +45,7 @@ class Hinges:
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance; dry friction takes what it can of the velocity, at most all of it."""
-        self.given.append(np.array(torque))
+        self.torques.append(np.array(torque))
         self.bounds.append(np.array(friction))
         angle, speed = self._motion.joint_position, self._motion.joint_velocity
         pull = torque - self._weight * np.sin(angle)

@@ -41,7 +41,7 @@ class Lockstep:
         self.loop = ControlLoop(load_policy(contract, bundle.policy), contract)
         self.newest: RobotState | None = None
         self.frames: list[bool] = []
-        """Of each command that was sent, whether it was stiff."""
+        """Stiffness of each sent command: True if it had gains."""
 
     def step(self) -> None:
         """Let 2 ms pass."""

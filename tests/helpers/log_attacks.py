@@ -24,7 +24,7 @@ from stiction.core.errors import StictionError
 from stiction.core.memory import limit_memory
 
 MEMORY = 2**29
-"""What the readers are given [B]; a table may take a quarter of it."""
+"""Memory limit of the readers [B]; a table may take a quarter of it."""
 
 SECONDS = 60
 """Processor time for all attacks together, imports included [s]: before they were mended one alone took 110 s."""
@@ -206,7 +206,7 @@ def main() -> None:
     folder = Path(sys.argv[1])
     open_log(logfiles.canonical(folder, ".parquet"))  # what is imported late counts for nobody
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
-    said = {}
+    outcomes = {}
     for name, path in json.loads((folder / "attacks.json").read_text()).items():
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         try:
@@ -216,8 +216,8 @@ def main() -> None:
         except StictionError as error:
             message = str(error)
         grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-        said[name] = {"said": message, "grown": grown, "size": Path(path).stat().st_size}
-    print(json.dumps(said))
+        outcomes[name] = {"error": message, "grown": grown, "size": Path(path).stat().st_size}
+    print(json.dumps(outcomes))
 
 
 if __name__ == "__main__":

@@ -18,12 +18,12 @@ def without_methods() -> Iterator[None]:
     """Find no entry point of `stiction.methods` for a while."""
     entries = plugins.metadata.entry_points
 
-    def found(**selected: str) -> Any:
+    def entry_points(**selected: str) -> Any:
         return () if selected.get("group") == plugins.METHODS else entries(**selected)
 
     try:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(plugins.metadata, "entry_points", found)
+            patch.setattr(plugins.metadata, "entry_points", entry_points)
             for cached in (known_method, defaults):
                 cached.cache_clear()
             yield

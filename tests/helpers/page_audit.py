@@ -1,4 +1,4 @@
-"""What can be read of a page: contrast and size of its text, whether it scrolls sideways, what the first screen has.
+"""Legibility of a page: contrast and size of its text, sideways scrolling, content of the first screen.
 
 Measured in a browser, at the sizes and in the colour schemes of `VIEWS`, over what is really drawn.
 """

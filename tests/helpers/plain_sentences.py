@@ -8,7 +8,7 @@ FENCES = re.compile(r"^ *(```|~~~).*?^ *\1 *$", re.MULTILINE | re.DOTALL)
 HIDDEN = re.compile(r"<!--.*?-->|<[^>]+>|^---\n.*?^---$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\([^)]*\)")
 BEGIN = re.compile(r"^(#+ |\s*[-*] |\s*\d+\. |\s*> )")
-"""What begins a block of its own on a line: a heading, an item, a quotation."""
+"""Begin of a block on a line: a heading, an item, a quotation."""
 END = re.compile(r"(?<=[.!?])[*_)\"”]*\s+(?=[*_\[(\"“]*[A-Z0-9])")
 
 

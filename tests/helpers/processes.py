@@ -16,7 +16,7 @@ ORPHAN_SECONDS = 5.0
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and nobody has asked about (a zombie) does not."""
+    """Return True if a process runs; a zombie does not."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
         return state != "Z"

@@ -70,11 +70,11 @@ def update(runner: PhaseRunner, last: Any) -> dict[str, torch.Tensor]:
             runner.alg.compute_returns(last)
     runner.alg.update()
     policy = runner.alg.get_policy()
-    found = {name: value.detach().clone() for name, value in policy.state_dict().items()}
+    tensors = {name: value.detach().clone() for name, value in policy.state_dict().items()}
     if runner.phase == "teacher":
-        found |= {f"critic.{name}": value.clone() for name, value in runner.alg.critic.state_dict().items()}
-        found["rate"] = torch.tensor(runner.alg.learning_rate)
-    return found
+        tensors |= {f"critic.{name}": value.clone() for name, value in runner.alg.critic.state_dict().items()}
+        tensors["rate"] = torch.tensor(runner.alg.learning_rate)
+    return tensors
 
 
 def main(folder: Path, ranks: Ranks) -> None:
@@ -86,15 +86,15 @@ def main(folder: Path, ranks: Ranks) -> None:
         getattr(runner.alg, name).load_state_dict(state)
     share = ranks.share(ROBOTS)
     last = fill(runner, kept, slice(ranks.number * share, (ranks.number + 1) * share))
-    found = {"update": update(runner, last)}
+    results = {"update": update(runner, last)}
     own = {"walk/blown_up": float(ranks.number), "both": 1.0 + ranks.number} | ({"one": 3.0} if ranks.number else {})
-    found["figures"] = ranks.figures(own)
-    found["any"] = [ranks.any(ranks.number == 1), ranks.any(False)]
+    results["figures"] = ranks.figures(own)
+    results["any"] = [ranks.any(ranks.number == 1), ranks.any(False)]
     # 0.3 of 8 robots are 4 %, which is healthy; of a process's own 4 they would be 8 %.
     runner.health.check(1, {"walk/blown_up": 0.3})
-    found["suspicious"] = runner.health.suspicious
-    found["standardized"] = ranks.standardized(torch.tensor([1.0, 2.0, 4.0]) * (1 + ranks.number))
-    torch.save(found, folder / f"{ranks.number}.pt")
+    results["suspicious"] = runner.health.suspicious
+    results["standardized"] = ranks.standardized(torch.tensor([1.0, 2.0, 4.0]) * (1 + ranks.number))
+    torch.save(results, folder / f"{ranks.number}.pt")
 
 
 if __name__ == "__main__":

@@ -75,8 +75,8 @@ def urdf() -> str:
     return URDF.format(legs=legs)
 
 
-def write(folder: Path, said: str = "model: robot.xml\n", model: str = MJCF, name: str = "robot.xml") -> Path:
+def write(folder: Path, settings: str = "model: robot.xml\n", model: str = MJCF, name: str = "robot.xml") -> Path:
     """Write a model and its `robot.yaml`; return the path of the latter."""
     (folder / name).write_text(model)
-    (folder / "robot.yaml").write_text(said)
+    (folder / "robot.yaml").write_text(settings)
     return folder / "robot.yaml"

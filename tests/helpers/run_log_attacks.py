@@ -56,7 +56,7 @@ LONGEST = 5.0
 """No log may take longer to be read [s]."""
 
 MEMORY = 2**29
-"""What reading may take [B]; a table may take a quarter of it."""
+"""Memory limit of reading [B]; a table may take a quarter of it."""
 
 HALVES, RATE, FEET = 8, 500, 6
 """Half seconds of the run, readings a second, feet."""
@@ -65,7 +65,7 @@ MOVED = 2
 """Joints that move in a played motion."""
 
 RUN, OTHER = "0123456789abcdef", "fedcba9876543210"
-"""What tells one run from another."""
+"""Identifiers of two runs."""
 
 HEADERS = {
     kind: RunLogHeader(
@@ -316,7 +316,7 @@ IDENTIFIED = ("nothing", "middle missing", "name of control characters")
 """Attacks that leave a log to be taken, which is then identified too."""
 
 REFUSED, TAKEN, NOTED = "refused", "taken", "noted"
-"""What must come of an attack: one line; the whole run; what is left of it, and that something is missing."""
+"""Outcomes of an attack: refused in one line; read whole; the rest read, with a note on what is missing."""
 
 
 def made() -> Iterator[tuple[str, Change, str]]:
@@ -486,7 +486,7 @@ def read_all(folder: Path) -> Any:
     log = read_run_log(folder)
     assert find_run_log(folder) == folder
     walks = is_walk_log(folder)
-    (walk_log if walks else lambda found: joint_log("log", found))(log)
+    (walk_log if walks else lambda data: joint_log("log", data))(log)
     if not walks:
         open_log(folder)
     with contextlib.suppress(StictionError):  # An Actuator Net wants more: even stamps, say.
@@ -502,8 +502,8 @@ def untrue(log: Any, rows: np.ndarray, edited: bool) -> str | None:
     if edited:
         return None
     place = {row.tobytes(): number for number, row in enumerate(rows)}
-    found = np.column_stack([log.readings["time"], log.readings["position"]])
-    numbers = [place.get(row.tobytes(), -1) for row in found]
+    readings = np.column_stack([log.readings["time"], log.readings["position"]])
+    numbers = [place.get(row.tobytes(), -1) for row in readings]
     if min(numbers, default=0) < 0 or (np.diff(numbers) <= 0).any():
         return "rows that are not of the run, or twice, or in another order"
     if (np.diff(numbers) != 1).any() and not any("are not there" in note for note in log.notes):
@@ -524,12 +524,12 @@ def judge(folder: Path, rows: np.ndarray, edited: bool) -> tuple[str, str | None
 
 def identified(folder: Path, out: Path) -> str | None:
     """Identify an attacked log that was taken, as a user does; return what must not happen, or None."""
-    said = io.StringIO()
-    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+    output = io.StringIO()
+    with contextlib.redirect_stderr(output), contextlib.redirect_stdout(output):
         status = stiction(["identify", str(folder), "--out", str(out)])
     shutil.rmtree(out, ignore_errors=True)
-    last = said.getvalue().splitlines()[-1:]
-    if status not in (0, 1) or "unforeseen" in said.getvalue() or "Traceback" in said.getvalue():
+    last = output.getvalue().splitlines()[-1:]
+    if status not in (0, 1) or "unforeseen" in output.getvalue() or "Traceback" in output.getvalue():
         return f"identify ended with status {status}: {last}"
     return None
 
@@ -619,8 +619,8 @@ def main() -> None:
         attacks.by_name(how == "both")
     growth = peak_memory() - start
     taken = attacks.counts[TAKEN] + attacks.counts[NOTED]
-    found = {"refused": attacks.counts[REFUSED], "taken": taken, "wrong": attacks.wrong}
-    print(json.dumps(found | {"slowest": attacks.slowest, "growth": growth}))
+    summary = {"refused": attacks.counts[REFUSED], "taken": taken, "wrong": attacks.wrong}
+    print(json.dumps(summary | {"slowest": attacks.slowest, "growth": growth}))
 
 
 if __name__ == "__main__":

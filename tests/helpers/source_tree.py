@@ -44,15 +44,15 @@ def imports(nodes: Iterator[ast.AST], package: str = "stiction") -> list[Import]
 
     `from a import b` counts as `a.b`: b may be a module.
     """
-    found = []
+    names = []
     for node in nodes:
         if isinstance(node, ast.Import):
-            found += [(alias.name, node.lineno) for alias in node.names]
+            names += [(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             parent = ".".join(package.split(".")[: len(package.split(".")) - node.level + 1]) if node.level else ""
             base = ".".join(part for part in (parent, node.module) if part)
-            found += [(f"{base}.{alias.name}", node.lineno) for alias in node.names]
-    return found
+            names += [(f"{base}.{alias.name}", node.lineno) for alias in node.names]
+    return names
 
 
 def package_of(path: Path) -> str:

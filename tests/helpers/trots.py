@@ -45,7 +45,7 @@ def hexapods(friction: np.ndarray, command: tuple[float, float, float], seconds:
     generators = [np.random.default_rng([seed, index]) for index in range(len(friction))]
     rollout = Rollout(contract, load_policy(contract, bundle.policy, (len(friction),)), HEXAPOD, friction, generators)
     steps = round(seconds / contract.control_period)
-    found = []
+    walks = []
     for truth in record_motion(rollout, contract.array("kd"), np.tile(command, (len(friction), 1)), steps):
         if truth is None or len(truth["time"]) < steps * 20:
             continue
@@ -53,5 +53,5 @@ def hexapods(friction: np.ndarray, command: tuple[float, float, float], seconds:
         turning = np.gradient(rate, TIMESTEP, axis=0)
         force = np.stack([at_imu(*row) for row in zip(truth["specific_force"], rate, turning, strict=True)])
         names = ("joint_position", "joint_velocity", "joint_target", "joint_torque", "quaternion")
-        found.append(Walked(*(truth[name] for name in names), rate, force, truth["foot_contact"].astype(float)))
-    return found
+        walks.append(Walked(*(truth[name] for name in names), rate, force, truth["foot_contact"].astype(float)))
+    return walks

@@ -77,7 +77,7 @@ HOLDS = {
 
 
 class WebotsSyntaxError(Exception):
-    """What Webots would complain of, or skip without a word."""
+    """Syntax that Webots rejects or silently skips."""
 
 
 @dataclass
@@ -94,11 +94,11 @@ class Read:
 
     def every(self, kind: str) -> list[Read]:
         """Return the nodes of one type in this one, itself among them, in the order of the file."""
-        found = [self] if self.kind == kind else []
+        nodes = [self] if self.kind == kind else []
         for value in self.fields.values():
             for item in value if isinstance(value, list) else [value]:
-                found += item.every(kind) if isinstance(item, Read) else []
-        return found
+                nodes += item.every(kind) if isinstance(item, Read) else []
+        return nodes
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,11 @@ class Proto:
     interface: dict[str, tuple[str, Any]]
     body: Read
 
-    def instance(self, given: Read) -> Read:
+    def instance(self, node: Read) -> Read:
         """Return the body with the fields of an instance in place."""
-        values = {name: default for name, (_, default) in self.interface.items()} | given.fields
+        values = {name: default for name, (_, default) in self.interface.items()} | node.fields
         made = _filled(self.body, values)
-        made.define = given.define
+        made.define = node.define
         return made
 
 

@@ -16,7 +16,7 @@ class Placed:
 
     solid: Read
     origin: np.ndarray
-    """Of its frame [m], shape (3,)."""
+    """Origin of its frame [m], shape (3,)."""
     rotation: np.ndarray
     """From its frame to the world, shape (3, 3)."""
 

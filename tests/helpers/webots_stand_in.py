@@ -16,7 +16,7 @@ from webots_files import Read
 
 
 class Physics(Protocol):
-    """What moves the robot."""
+    """Physics of the robot."""
 
     def step(self, torque: dict[str, float]) -> bool:
         """Take a physics step under the torques set so far [N m]; False where Webots ends."""
@@ -96,7 +96,7 @@ class GPS(Device):
 
 
 class Receiver(Device):
-    """What the physics plugin sends messages to, one a step."""
+    """Receiver of the physics plugin's messages, one per step."""
 
     def getQueueLength(self) -> int:
         """Return how many messages wait."""

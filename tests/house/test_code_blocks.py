@@ -76,8 +76,8 @@ def _read(words: list[str], where: str, monkeypatch: pytest.MonkeyPatch, capsys:
             return
         except SystemExit as error:
             status = error.code
-    said = capsys.readouterr()
-    assert status == 0, f"{where}: {' '.join(words)}\n{said.err or said.out}"
+    output = capsys.readouterr()
+    assert status == 0, f"{where}: {' '.join(words)}\n{output.err or output.out}"
 
 
 @pages
@@ -148,7 +148,7 @@ def test_who_has_only_this_repository_can_type_what_the_pages_identify(
     monkeypatch.chdir(tmp_path)
     made = runpy.run_path(str(CHECKOUT / example))
     assert made["found"]["shank"].coulomb_friction.value == pytest.approx(0.442, rel=0.05)
-    said = json.loads((tmp_path / "swing.json").read_text())
+    sidecar = json.loads((tmp_path / "swing.json").read_text())
     typed = [
         (_where(block), words)
         for page in PAGES
@@ -161,11 +161,11 @@ def test_who_has_only_this_repository_can_type_what_the_pages_identify(
         flags = dict(zip(words[3::2], words[4::2], strict=True))
         flags.pop("--out")
         told = {name.removeprefix("--").replace("-", "_"): value for name, value in flags.items()}
-        assert told == {name: f"{said[name]:g}" if name in NUMBERS else said[name] for name in told}, where
+        assert told == {name: f"{sidecar[name]:g}" if name in NUMBERS else sidecar[name] for name in told}, where
         assert len(told) == 5, where
     for page in ("README.md", "docs/tutorial.md", "docs/identification.md"):
         assert f"python {example}" in (CHECKOUT / page).read_text(), f"{page} does not say where swing.csv is from"
 
 
 NUMBERS = ("kp", "kd", "torque_limit")
-"""What a sidecar says as a number."""
+"""Numeric fields of a sidecar."""

@@ -1,4 +1,4 @@
-"""What the documents promise: verbs that exist, links that lead somewhere, versions that agree, a lock that fits."""
+"""Documents: existing verbs, working links, consistent versions, a matching lock."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def locked(file: str = "requirements.lock") -> dict[str, Requirement]:
 
 
 def test_the_lock_fits_the_requirements_and_holds_no_cuda() -> None:
-    """If this failed, a fresh install would differ from what was tested, or download gigabytes that nobody uses."""
+    """Locked versions satisfy the requirements with equal markers; neither lock has CUDA packages."""
     lines, theirs = locked(), locked("mjlab.lock")
     # mjlab has a lock of its own; packages of online services are installed by their users alone.
     apart = ("mjlab", "wandb", "trackio")
@@ -59,7 +59,7 @@ def test_a_reader_finds_the_page_of_a_trainer(place: str) -> None:
 
 
 def test_every_requirement_has_both_bounds() -> None:
-    """If this failed, a release of somebody else's could break an installation overnight."""
+    """Every requirement has a lower and an upper bound, or an exact version."""
     for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):
         operators = {specifier.operator for specifier in Requirement(text).specifier}
         assert operators in ({">=", "<"}, {"=="}) or text.startswith("stiction["), text
@@ -96,7 +96,7 @@ def anchors_of(page: Path) -> set[str]:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=[path.name for path in DOCUMENTS])
 def test_links_between_documents_lead_somewhere(document: Path) -> None:
-    """If this failed, a reader would click into nothing, or land on top of a page; a % in a heading has two anchors."""
+    """Every link between documents leads to an existing file and heading."""
     for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
         file, _, anchor = link.partition("#")
         page = document.parent / file if file else document
@@ -162,7 +162,7 @@ def test_a_slow_joint_rests_within_its_dead_band() -> None:
 
 
 def test_the_list_of_verbs_is_whole() -> None:
-    """If this failed, a stranger would not find out what the program can do."""
+    """docs/verbs.md lists every verb, in the order of `VERBS`."""
     listed = re.findall(r"^\| `stiction ([\w-]+)`", (CHECKOUT / "docs/verbs.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(VERBS)
 
@@ -178,7 +178,7 @@ def test_the_reference_has_every_public_name() -> None:
 
 
 def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
-    """If this failed, a result would be there that nobody finds, or the index would lead into nothing."""
+    """Links of results/README.md exist and cover every folder of results."""
     folder = CHECKOUT / "results"
     links = re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text())
     assert not [link for link in links if not (folder / link).exists()]

@@ -1,7 +1,7 @@
-"""What no linter says of the house: nothing executes what it reads, verbs load late, dependencies are declared.
+"""Rules beyond linters: no file is executed when read, verbs import late, dependencies are declared.
 
-Who may import whom is in the import contracts of pyproject.toml, which `make check` holds up. The rules are functions
-of a syntax tree, so each is shown to find what it forbids before it is turned on the house.
+Import contracts are in pyproject.toml and checked by `make check`. Rules are functions of a syntax tree, each tested on
+code that it forbids before it is applied to the house.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ OF_ROS = frozenset({"rclpy", "sensor_msgs", "std_msgs"})
 
 def forbidden_calls(tree: ast.Module) -> list[str]:
     """Return what would execute code from a file: pickles, eval and exec, torch's save and load."""
-    found = [f"import {name}, line {line}" for name, line in imports(ast.walk(tree)) if name.split(".")[0] in PICKLES]
+    calls = [f"import {name}, line {line}" for name, line in imports(ast.walk(tree)) if name.split(".")[0] in PICKLES]
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             if called in {"eval", "exec", "torch.load", "torch.save"}:
-                found.append(f"{called}(), line {node.lineno}")
-            found += [
+                calls.append(f"{called}(), line {node.lineno}")
+            calls += [
                 f"allow_pickle, line {node.lineno}"
                 for keyword in node.keywords
                 if keyword.arg == "allow_pickle" and ast.unparse(keyword.value) != "False"
             ]
         elif isinstance(node, ast.ImportFrom) and node.module == "torch":
-            found += [f"torch.{a.name}, line {node.lineno}" for a in node.names if a.name in {"load", "save"}]
-    return found
+            calls += [f"torch.{a.name}, line {node.lineno}" for a in node.names if a.name in {"load", "save"}]
+    return calls
 
 
 def loaded(start: Path) -> dict[str, list[str]]:
@@ -76,10 +76,10 @@ def loaded(start: Path) -> dict[str, list[str]]:
 
 
 def test_the_rules_find_what_they_forbid() -> None:
-    """If this failed, the rules would stand on paper only."""
+    """The import scanners resolve relative, lazy and transitive imports."""
     source = "from ..sim import native\nfrom . import log\nimport numpy\ndef f():\n    from stiction.task import env\n"
-    found = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
-    assert found == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
+    modules = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
+    assert modules == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
     lazy = ast.parse("import rich\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import mujoco\n")
     assert imports(imports_at_the_top(lazy)) == [("rich", 1)]
     assert loaded(HOUSE / "robots/mjcf.py")["mujoco"] == ["robots/mjcf.py"]
@@ -102,13 +102,13 @@ def test_the_rules_find_what_they_forbid() -> None:
     ],
 )
 def test_code_that_executes_files_is_found(source: str) -> None:
-    """If this failed, a file from a stranger could run code."""
+    """Reports each call that executes a file, and no harmless call of a similar name."""
     assert len(forbidden_calls(ast.parse(source))) == 1
     assert not forbidden_calls(ast.parse("model.eval()\nnp.load('a', allow_pickle=False)\njson.load(file)"))
 
 
 def test_every_package_imported_is_a_declared_dependency() -> None:
-    """If this failed, the program would work here by the accident of what else is installed."""
+    """Every imported package is in the dependencies of pyproject.toml."""
     declared: set[str] = set()
     # Packages that need not be installed, and whose distribution has another name.
     distributions = {"bam": ["better-actuator-models"]} | metadata.packages_distributions()
@@ -134,9 +134,9 @@ def test_training_needs_no_package_of_another_device_or_logger() -> None:
 
 
 def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
-    """If this failed, `stiction VERB --help` would need torch or a simulator, and take seconds.
+    """Verbs and studies import torch and simulators only when called.
 
-    What a verb's flags are made of, configuration without libraries, may be imported at the top.
+    Configuration of a verb's flags, which needs no libraries, may be imported at the top.
     """
     light = sys.stdlib_module_names | {"stiction", "stiction_experiments", "rich", "numpy"}
     early = [path for path in MODULES if NAMES[path].startswith("cli/") or path.name in ("study.py", "verb.py")]
@@ -146,8 +146,8 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
 
 def test_nothing_executes_what_it_reads() -> None:
-    """If this failed, opening a log, a checkpoint or a bundle could run somebody's code."""
-    assert not {NAMES[path]: found for path in MODULES if (found := forbidden_calls(tree_of(path)))}
+    """No module unpickles or executes a file."""
+    assert not {NAMES[path]: calls for path in MODULES if (calls := forbidden_calls(tree_of(path)))}
 
 
 OF_OTHERS = re.compile("dreamwaq|hinf|H∞|disturber|finetune|context-aided", re.IGNORECASE)
@@ -165,13 +165,13 @@ NAMED = {
 
 def test_the_product_knows_no_method_of_other_papers() -> None:
     """They are found by their names, so that the product neither imports nor explains them."""
-    found = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
-    assert {name for name, count in found.items() if count} == NAMED.keys()
-    assert sum(found.values()) < 15
+    counts = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
+    assert {name for name, count in counts.items() if count} == NAMED.keys()
+    assert sum(counts.values()) < 15
 
 
 def test_modules_and_functions_stay_readable() -> None:
-    """If this failed, a module would have more than one reason to exist, or a function would not fit a screen."""
+    """Modules and functions stay below their maximum lengths."""
     assert not [NAMES[path] for path in MODULES if len(path.read_text().splitlines()) > LONGEST_MODULE]
     functions = [
         (NAMES[path], node)

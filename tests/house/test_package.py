@@ -131,7 +131,7 @@ def run(
 
 
 def test_every_module_with_a_main_is_a_verb() -> None:
-    """If this failed, a verb would exist that nobody can call."""
+    """Every module of cli with a `main` is listed in `VERBS`."""
     for path in PACKAGE.glob("cli/*.py"):
         functions = {node.name for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)}
         assert path.stem.replace("_", "-") in {*VERBS, "import-policy", "main"} or "main" not in functions, (
@@ -140,7 +140,7 @@ def test_every_module_with_a_main_is_a_verb() -> None:
 
 
 def test_help_of_every_verb_needs_no_extra(answers: dict[str, tuple[int, str, str]]) -> None:
-    """If this failed, a user with the base install could not even read what a verb does."""
+    """Help of every verb works on the base install."""
     for verb in VERBS:
         status, out, errors = answers[f"{verb} --help"]
         assert (status, errors) == (0, ""), verb
@@ -148,7 +148,7 @@ def test_help_of_every_verb_needs_no_extra(answers: dict[str, tuple[int, str, st
 
 
 def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
-    """If this failed, `stiction --help` would take seconds."""
+    """`stiction --help` lists every verb, and imports only stiction.cli and stiction.core."""
     code = "import sys; from stiction.cli.main import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     listed = re.findall(r"^  ([\w-]+) +\S", done.stdout.partition("Examples:")[0], re.MULTILINE)
@@ -163,7 +163,7 @@ def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
 
 @pytest.mark.parametrize("words", WRONG)
 def test_wrong_usage_ends_with_status_2(words: str, answers: dict[str, tuple[int, str, str]]) -> None:
-    """If this failed, a script could not tell a typing error from a failure."""
+    """Wrong usage lists the verbs on stderr and ends with status 2."""
     status, out, errors = answers[words]
     assert (status, out) == (2, "")
     assert all(verb in errors for verb in VERBS)
@@ -186,14 +186,14 @@ def test_rooms_of_the_base_install_import_no_extra(
 
 @pytest.mark.parametrize("verb", ["identify", "verify"])
 def test_a_missing_file_is_one_line_on_the_base_install(verb: str, answers: dict[str, tuple[int, str, str]]) -> None:
-    """If this failed, a wrong path would end in a traceback, or in a complaint about a missing package."""
+    """A missing file is one line that names it, with status 1."""
     status, out, errors = answers[f"{verb} nowhere"]
     assert (status, out) == (1, "")
     assert errors.count("\n") == 1 and "nowhere" in errors
 
 
 def test_shipped_policies_verify_on_the_base_install(answers: dict[str, tuple[int, str, str]]) -> None:
-    """If this failed, a policy that we ship could not be checked on the robot."""
+    """Every shipped policy passes `stiction verify`."""
     assert POLICIES
     for contract in POLICIES:
         status, _, errors = answers[f"verify {contract.parent.name}"]

@@ -1,4 +1,4 @@
-"""What is released: distributions that hold everything, a workflow that trusts no tag, a site that needs no net."""
+"""Releases: complete distributions, a workflow that trusts no tag, a site that needs no network."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_script_finds_the_helpers_of_tests(use: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
-    """Who installs the one, or builds from the other, would lack policies, page templates, types or the licence."""
+    """Wheel and source distribution hold the whole package, with policies, templates, types and the licence."""
     wheel, sdist = script("dist").distributions(CHECKOUT, tmp_path)
     packed = script("dist").contents(wheel)
     source = [path for path in (CHECKOUT / "src/stiction").rglob("*") if path.is_file()]
@@ -135,20 +135,20 @@ def test_pull_requests_are_tried_on_every_system_and_python_that_is_meant() -> N
 
 
 class Loaded(HTMLParser):
-    """What a page makes a browser load."""
+    """Addresses that a page makes a browser load."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
         super().__init__()
-        self.found: list[str] = []
+        self.sources: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Keep addresses of what is shown or run, not of what is only linked to."""
-        said = dict(attrs)
+        attributes = dict(attrs)
         if tag in ("script", "img", "iframe", "source", "video", "audio"):
-            self.found += [said["src"] or ""] if "src" in said else []
-        elif tag == "link" and said.get("rel") not in ("canonical", "next", "prev"):
-            self.found += [said["href"] or ""] if "href" in said else []
+            self.sources += [attributes["src"] or ""] if "src" in attributes else []
+        elif tag == "link" and attributes.get("rel") not in ("canonical", "next", "prev"):
+            self.sources += [attributes["href"] or ""] if "href" in attributes else []
 
 
 @pytest.mark.slow
@@ -164,6 +164,6 @@ def test_the_site_builds_and_loads_nothing_from_the_net(tmp_path: Path) -> None:
     for page in pages:
         reader = Loaded()
         reader.feed(page.read_text(encoding="utf-8"))
-        assert not [name for name in reader.found if "//" in name], page
+        assert not [name for name in reader.sources if "//" in name], page
     styles = "".join(path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.css"))
     assert not re.search(r"@import|url\(['\"]?(https?:)?//", styles)

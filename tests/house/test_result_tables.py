@@ -18,7 +18,7 @@ LEVEL = re.compile(r"(\d+(?:\.\d+)?) %$")
 """The end of a column's title: friction in per cent of the torque limit."""
 
 WHO = ("design", "what", "who", "told", "policy", "seed", "run", "engine", "physics", "terrain", "timestep")
-"""What tells policies and conditions of one file apart."""
+"""Columns that identify policy and condition of a row."""
 
 ROUNDED = 0.0051
 """Half of the last digit that is written, and what floats err by."""
@@ -29,7 +29,7 @@ Speeds = dict[tuple[float, str], float]
 
 def walked() -> list[Speeds]:
     """Return the speeds of everybody in every file of rows."""
-    found: dict[tuple[str, ...], Speeds] = {}
+    policies: dict[tuple[str, ...], Speeds] = {}
     for path in sorted(RESULTS.rglob("*.csv")):
         with path.open() as file:
             rows = csv.DictReader(file)
@@ -39,8 +39,8 @@ def walked() -> list[Speeds]:
                 if row["speed_ratio"] and row["command"] in ("vx=0.5", "vx=-0.5"):
                     who = (str(path), *(row.get(name) or "" for name in WHO))
                     at = round(float(row["friction_level"]), 4), row["command"]
-                    found.setdefault(who, {})[at] = float(row["speed_ratio"])
-    return list(found.values())
+                    policies.setdefault(who, {})[at] = float(row["speed_ratio"])
+    return list(policies.values())
 
 
 def written(page: str) -> Iterator[tuple[str, Speeds, str]]:
@@ -89,7 +89,7 @@ def everybody() -> list[Speeds]:
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(RESULTS)))
 def test_every_row_is_one_that_was_walked(path: Path, rows: list[Speeds]) -> None:
-    """If this failed, a number on a page would be of nobody, by a slip of the pen or by rows that came after it."""
+    """Every row of speeds on a page rounds those of one measured row."""
     strange = [
         line
         for line, speeds, _ in written(path.read_text())
@@ -103,5 +103,5 @@ def test_the_mean_deviation_is_that_of_the_row(path: Path) -> None:
     """|speed over command - 1| in the mean; if this failed, a design would be called better or worse than it is."""
     for line, speeds, deviation in written(path.read_text()):
         if deviation:
-            found = sum(abs(speed - 1.0) for speed in speeds.values()) / len(speeds)
-            assert abs(float(deviation) - found) < ROUNDED + 0.0005, line
+            mean = sum(abs(speed - 1.0) for speed in speeds.values()) / len(speeds)
+            assert abs(float(deviation) - mean) < ROUNDED + 0.0005, line

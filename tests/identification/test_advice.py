@@ -42,7 +42,7 @@ FIVE = (
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "said"),
+    ("low", "high", "claim"),
     [
         (0.1, 0.2, "It covers 20 %: in the simulator of the training every command is followed by 5 of 5 seeds at 10 "
                    "%, 5 of 5 seeds at 20 %."),
@@ -58,11 +58,11 @@ FIVE = (
                     "seeds at 40 %; the worst at 40 % is wz=1: too slow; beyond 40 % nothing was walked."),
     ],
 )  # fmt: skip
-def test_a_friction_is_covered_only_where_every_seed_follows_every_command(low: float, high: float, said: str) -> None:
+def test_a_friction_is_covered_only_where_every_seed_follows_every_command(low: float, high: float, claim: str) -> None:
     """Tested at 0, 10, 20, 30 and 40 %: at 40 % no seed follows, and no level between and beyond was walked."""
     told = advise(low, high, sources(*FIVE))
-    assert told.method == "deception" and said in told.coverage
-    assert told.covered is told.to_dict()["covered"] is said.startswith("It covers ")
+    assert told.method == "deception" and claim in told.coverage
+    assert told.covered is told.to_dict()["covered"] is claim.startswith("It covers ")
 
 
 def test_a_level_above_a_gap_is_not_all_below_it() -> None:

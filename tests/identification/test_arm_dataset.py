@@ -40,9 +40,9 @@ def test_the_page_says_what_its_commands_print(
     assert [row[0] for row in rows] == [*made["NAMES"]]
     assert {row[0]: row[2] for row in rows} == printed
     np.testing.assert_allclose([float(row[1]) for row in rows], np.degrees(made["FRICTION"] / made["KP"]), atol=0.006)
-    found = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]
+    joints = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]
     for name, friction in zip(made["NAMES"], made["FRICTION"], strict=True):
-        low, high = found[name]["dead_band"]["interval95"]
+        low, high = joints[name]["dead_band"]["interval95"]
         assert low < friction / made["KP"] < high < 1.024 * low, name
     assert "stiction convert" not in told.out and "--set motor_strength=1" in told.out.splitlines()[3]
     assert LEROBOT in open_log(Path("arm.parquet")).notes

@@ -30,7 +30,7 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("time", "signals", "said"),
+    ("time", "signals", "message"),
     [
         (TIME, replace(SIGNALS, torque=None, target=None), "joint 'knee' has no torque and no target"),
         (TIME, replace(SIGNALS, torque=None, target=0 * WAVE), r"target of joint 'knee' is \(nearly\) constant at 0"),
@@ -47,9 +47,9 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
         (TIME, replace(SIGNALS, torque=np.zeros(400)), "constant at 0; the driver seems not to report it: .* --kp and"),
     ],
 )
-def test_bad_logs_are_refused(time: np.ndarray, signals: JointSignals, said: str) -> None:
+def test_bad_logs_are_refused(time: np.ndarray, signals: JointSignals, message: str) -> None:
     """Faults that make the fit meaningless are named before it."""
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         check(time, signals)
 
 
@@ -79,9 +79,9 @@ def test_degrees_and_strange_torques_are_noticed() -> None:
     """A slip of units is said, for a joint could do it; metres have no such limits."""
     assert [*unit_findings(check())] == []
     degrees = check(signals=JointSignals(position=57.3 * WAVE, target=WAVE, torque=5000 * WAVE))
-    said, remedies = zip(*((one.seen, one.remedy) for one in unit_findings(degrees)), strict=True)
-    assert len(said) == 3
-    assert "in degrees, or at the motor" in said[0] and "is the position in degrees" in said[1] and "N mm" in said[2]
+    texts, remedies = zip(*((one.seen, one.remedy) for one in unit_findings(degrees)), strict=True)
+    assert len(texts) == 3
+    assert "in degrees, or at the motor" in texts[0] and "is the position in degrees" in texts[1] and "N mm" in texts[2]
     assert "--position-scale 0.0174533" in remedies[0] and "--torque-scale" in remedies[2]
     assert "convert the position to rad in the log, for --position-scale is of both" in remedies[1]
     assert "is the target in degrees" in next(unit_findings(check(signals=replace(SIGNALS, target=57.3 * WAVE)))).seen

@@ -100,14 +100,14 @@ def test_the_load_law_needs_a_load() -> None:
 def test_friction_that_would_drive_the_joint_is_not_chosen() -> None:
     """Rejects a slope that makes friction of 0.2 negative at the end of the range."""
     made = PLAIN | {"coulomb_friction": 0.2, "position_slope": 0.5, "position_curvature": 0.0}
-    found = chosen_of(equation_rows(made, noise=white()))["position"]
-    assert found.gain > 0.1 and found.verdict == "its friction would drive the joint"
+    choice = chosen_of(equation_rows(made, noise=white()))["position"]
+    assert choice.gain > 0.1 and choice.verdict == "its friction would drive the joint"
 
 
 def test_the_evidence_of_white_residuals_by_hand() -> None:
     """Evidence n ln(SS₀/SS₁) − Δp ln n, all n = 2000 rows being independent; the sums of squares are made here."""
     rows = equation_rows(PLAIN, noise=white(3))
-    found = chosen_of(rows)
+    candidates = chosen_of(rows)
     up, down = rows.velocity > 0, rows.velocity < 0
     plain = np.column_stack([rows.acceleration, rows.velocity, np.sign(rows.velocity), np.ones(2000)])
     both = np.column_stack([rows.acceleration, rows.velocity * up, rows.velocity * down, up, -1.0 * down])
@@ -116,6 +116,6 @@ def test_the_evidence_of_white_residuals_by_hand() -> None:
     squares = [float(np.linalg.lstsq(design, rows.torque)[1][0]) for design in (plain, both, bent)]
     for law, square, more in (("asymmetric", squares[1], 1), ("position", squares[2], 2)):
         expected = 2000 * np.log(squares[0] / square) - more * np.log(2000)
-        assert found[law].evidence == pytest.approx(expected, abs=1e-6), law
-        assert found[law].evidence < 0 and found[law].parameters == 4 + more
-    assert found["coulomb"].evidence == 0.0
+        assert candidates[law].evidence == pytest.approx(expected, abs=1e-6), law
+        assert candidates[law].evidence < 0 and candidates[law].parameters == 4 + more
+    assert candidates["coulomb"].evidence == 0.0

@@ -26,9 +26,9 @@ OVER_K = {"I/k": 0.0145 / K, DAMPED: (0.0704 + K * 0.5) / K, "f/k": 0.442 / K, "
 
 def values(record: JointRecord) -> list[float]:
     """Return inertia, viscous and Coulomb friction."""
-    found = [getattr(record, name) for name in PARAMETERS[:3]]
-    assert all(found), found
-    return [estimate.value for estimate in found]
+    estimates = [getattr(record, name) for name in PARAMETERS[:3]]
+    assert all(estimates), estimates
+    return [estimate.value for estimate in estimates]
 
 
 def test_positions_alone_tell_what_is_over_k() -> None:
@@ -126,15 +126,15 @@ def test_an_offset_that_gravity_hides_is_null_and_the_holding_torque_is_known() 
     assert abs(held.value - truth) < 4 * held.std and held.std < 0.01
 
 
-def test_a_foundby_hand() -> None:
+def test_a_product_by_hand() -> None:
     """2 (1.8 to 2.2) times 0.5 (0.4 to 0.65): 1, down by √(0.1² + 0.2²) and up by √(0.1² + 0.3²).
 
     Of −2 the ends change places: a larger factor makes it more negative.
     """
     factor = Estimate(0.5, 0.05, (0.4, 0.65))
-    found = product(Estimate(2.0, 0.1, (1.8, 2.2)), factor)
-    assert found.value == 1.0 and found.std == pytest.approx((0.05**2 + 0.1**2) ** 0.5)
-    assert found.interval95 == pytest.approx((1 - 0.05**0.5, 1 + 0.1**0.5))
+    result = product(Estimate(2.0, 0.1, (1.8, 2.2)), factor)
+    assert result.value == 1.0 and result.std == pytest.approx((0.05**2 + 0.1**2) ** 0.5)
+    assert result.interval95 == pytest.approx((1 - 0.05**0.5, 1 + 0.1**0.5))
     negative = product(Estimate(-2.0, 0.1, (-2.2, -1.8)), factor)
     assert negative.interval95 == pytest.approx((-1 - 0.1**0.5, -1 + 0.05**0.5))
-    assert product(found, exact(1.0)) == found
+    assert product(result, exact(1.0)) == result

@@ -84,9 +84,9 @@ def test_parts_of_one_joint_agree_and_two_joints_do_not() -> None:
     disputes = []
     for seed in range(10):
         rows = noisy(seed)
-        found = compare_parts(rows, fitted(rows))
-        assert [comparison.label for comparison in found] == ["halves", "slow and fast"]
-        disputes += [name for comparison in found for name in comparison.disputed]
+        comparisons = compare_parts(rows, fitted(rows))
+        assert [comparison.label for comparison in comparisons] == ["halves", "slow and fast"]
+        disputes += [name for comparison in comparisons for name in comparison.disputed]
         other = compare("repeat 1", ("a", "b"), rows, noisy(seed + 10, coulomb_friction=0.45), fitted(rows))
         assert other.disputed == ("coulomb_friction",) and other.parts == ("a", "b")
         one, two = other.values["coulomb_friction"]
@@ -98,11 +98,11 @@ def test_friction_at_a_speed_by_hand() -> None:
     """0.07 · 3 + 0.4 = 0.61 N m; B and b_c err against each other, so their sum is better known than b_c alone."""
     rows = noisy()
     fit = fitted(rows)
-    found = friction_at(fit, 3.0)
-    assert found.value == pytest.approx(3.0 * fit.values[1] + fit.values[2]) and abs(found.value - 0.61) < 4 * found.std
+    tau = friction_at(fit, 3.0)
+    assert tau.value == pytest.approx(3.0 * fit.values[1] + fit.values[2]) and abs(tau.value - 0.61) < 4 * tau.std
     weights = np.array([0.0, 3.0, 1.0, 0.0])
-    assert found.std == pytest.approx(np.sqrt(weights @ fit.covariance @ weights))
-    assert found.std < fit.estimates()["coulomb_friction"].std
+    assert tau.std == pytest.approx(np.sqrt(weights @ fit.covariance @ weights))
+    assert tau.std < fit.estimates()["coulomb_friction"].std
 
 
 @pytest.mark.parametrize("grows", [0.2, -0.2, 0.0])
@@ -120,15 +120,15 @@ def test_friction_that_grows_is_found(grows: float) -> None:
 
 def test_white_noise_has_no_memory() -> None:
     """The portmanteau probability of white noise is even from 0 to 1: under 0.05 in about 5 of 100."""
-    found = [whiteness(np.random.default_rng(seed).standard_normal(1000)) for seed in range(100)]
-    assert 1 <= sum(one.probability < 0.05 for one in found) <= 11
-    assert 0.35 < np.mean([one.probability for one in found]) < 0.65
-    assert max(abs(one.first_lag) for one in found) < 0.15
-    assert np.median([one.correlation_time for one in found]) == pytest.approx(1.0, abs=0.1)
+    results = [whiteness(np.random.default_rng(seed).standard_normal(1000)) for seed in range(100)]
+    assert 1 <= sum(one.probability < 0.05 for one in results) <= 11
+    assert 0.35 < np.mean([one.probability for one in results]) < 0.65
+    assert max(abs(one.first_lag) for one in results) < 0.15
+    assert np.median([one.correlation_time for one in results]) == pytest.approx(1.0, abs=0.1)
 
 
 def test_noise_that_remembers_is_told() -> None:
     """A first-order memory of 0.8: neighbours correlate 0.8, and it lasts (1 + 0.8)/(1 − 0.8) = 9 rows."""
-    found = whiteness(autoregressive(np.random.default_rng(0), 20_000, 0.8))
-    assert found.first_lag == pytest.approx(0.8, abs=0.02)
-    assert found.correlation_time == pytest.approx(9.0, rel=0.15) and found.probability < 1e-10
+    result = whiteness(autoregressive(np.random.default_rng(0), 20_000, 0.8))
+    assert result.first_lag == pytest.approx(0.8, abs=0.02)
+    assert result.correlation_time == pytest.approx(9.0, rel=0.15) and result.probability < 1e-10

@@ -63,9 +63,9 @@ def test_intervals_of_the_stated_estimators_cover_the_truth(motor: Motor, torque
     truth = (joint.inertia, joint.viscous, joint.friction.level, joint.offset)
     hits: dict[str, np.ndarray] = {}
     for seed in range(FIRST_SEED, FIRST_SEED + LOGS):
-        for method, found in estimates(motor, seed, torque).items():
+        for method, result in estimates(motor, seed, torque).items():
             inside = [
-                found[name].interval95[0] < true < found[name].interval95[1]
+                result[name].interval95[0] < true < result[name].interval95[1]
                 for name, true in zip(PARAMETERS, truth, strict=True)
             ]
             hits[method] = hits.get(method, np.zeros(len(PARAMETERS))) + inside

@@ -26,5 +26,5 @@ TINY = 1e-18
 def test_the_least_is_found(rows, slopes, start: list[float], lower: np.ndarray, expected: list[float]) -> None:
     """The search follows a curved valley, continues along a bound, and leaves irrelevant parameters unchanged."""
     residuals, jacobian = (lambda x: np.array(rows(x), float)), (lambda x: np.array(slopes(x), float))
-    found = levenberg_marquardt(residuals, jacobian, np.array(start, float), lower, FREE, lambda cost: TINY)
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    solution = levenberg_marquardt(residuals, jacobian, np.array(start, float), lower, FREE, lambda cost: TINY)
+    np.testing.assert_allclose(solution, expected, atol=1e-6)

@@ -42,7 +42,7 @@ def test_what_is_in_the_viscous_friction_and_what_lacks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("flags", "message"),
     [
         ({"torque_column": "duty"}, "--duty-voltage"),
         ({"kt": 1.5}, "kt 1.5 has no effect on a torque column that holds torque"),
@@ -54,9 +54,9 @@ def test_what_is_in_the_viscous_friction_and_what_lacks() -> None:
         ({"pendulum_mass": 0.5, "pendulum_length": 0.2, "axis": "linear"}, "linear axis"),
     ],
 )
-def test_flags_that_cannot_be(flags: dict[str, object], said: str) -> None:
+def test_flags_that_cannot_be(flags: dict[str, object], message: str) -> None:
     """Rejects a number without effect and an incomplete set, by name."""
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=message):
         IdentifySetup(**flags).check()  # type: ignore[arg-type]
 
 

@@ -51,30 +51,30 @@ def invalid(*errors: Finding, **fields) -> JointRecord:
         (wrong.without_gravity, wrong.leg, "follows_position"),
         (wrong.scale(1.2), wrong.motor, "controller"),
         (wrong.target_in_degrees, wrong.motor, "units"),
-        (lambda given: wrong.unchecked(wrong.clipped(0.5)(given)), wrong.motor, "clipped"),
+        (lambda case: wrong.unchecked(wrong.clipped(0.5)(case)), wrong.motor, "clipped"),
         (wrong.torque_of(wrong.leg), wrong.motor, "unexplained_torque"),
-        (lambda given: given.flags(torque_limit=1.0), wrong.motor, "beyond_limit"),
+        (lambda case: case.flags(torque_limit=1.0), wrong.motor, "beyond_limit"),
     ],
     ids=["gravity", "scale", "degrees", "clipped", "joint", "limit"],
 )
 def test_no_level_comes_out_of_a_wrong_flag(mistake, record, reason: str) -> None:
     """A wrong flag gives no level; the remedy stands in its place, in the warnings and in the verdict."""
-    given = mistake(record())
-    found = identify_joint(given.log, setup=given.setup).record
-    assert reason in [one.reason for one in found.objections]
-    verdict = found.diagnostics["verdict"]
+    case = mistake(record())
+    result = identify_joint(case.log, setup=case.setup).record
+    assert reason in [one.reason for one in result.objections]
+    verdict = result.diagnostics["verdict"]
     assert verdict["friction_level"] is None and verdict["training"] is None and verdict["advice"] is None
-    assert verdict["lines"][0].startswith("Do first: ") and found.warnings[0] == found.objections[0].seen
-    assert propose(JointsFile({"shank": found}))["friction"] is None
-    assert JointRecord.from_dict(found.to_dict(), "x").objections == found.objections
+    assert verdict["lines"][0].startswith("Do first: ") and result.warnings[0] == result.objections[0].seen
+    assert propose(JointsFile({"shank": result}))["friction"] is None
+    assert JointRecord.from_dict(result.to_dict(), "x").objections == result.objections
 
 
 @pytest.mark.parametrize("record", [wrong.motor, wrong.leg, wrong.arm])
 def test_right_flags_have_no_objection(record) -> None:
     """Right flags give no objection."""
-    given = record()
-    found = identify_joint(given.log, setup=given.setup).record
-    assert found.objections == () and found.diagnostics["verdict"]["friction_level"] is not None
+    case = record()
+    result = identify_joint(case.log, setup=case.setup).record
+    assert result.objections == () and result.diagnostics["verdict"]["friction_level"] is not None
 
 
 @pytest.mark.parametrize("unstated", [None, "loaded"])
@@ -83,11 +83,11 @@ def test_gravity_is_chosen_by_held_out_error_where_nobody_said(unstated: str | N
     for motor, there in ((LEG, True), (SATURN_LITE, False)):
         log = example_log(motor, SHORT)
         log = replace(log, setup=replace(log.setup, test_condition=unstated))
-        found = identify_joint(log).record
-        assert (found.gravity_sin is not None) == there and found.objections == ()
-        assert found.diagnostics["gravity"].startswith(f"gravity was {'' if there else 'not '}fitted: on blocks")
-        assert any(found.diagnostics["gravity"] in text for text in found.warnings) == (there or unstated is None)
-        assert found.coulomb_friction.value == pytest.approx(0.442, rel=0.05)
+        result = identify_joint(log).record
+        assert (result.gravity_sin is not None) == there and result.objections == ()
+        assert result.diagnostics["gravity"].startswith(f"gravity was {'' if there else 'not '}fitted: on blocks")
+        assert any(result.diagnostics["gravity"] in text for text in result.warnings) == (there or unstated is None)
+        assert result.coulomb_friction.value == pytest.approx(0.442, rel=0.05)
     stated = identify_joint(example_log(LEG, SHORT), setup=IdentifySetup(gravity=False, test_condition="loaded"))
     assert stated.record.diagnostics["gravity"] is None and stated.record.objections
 
@@ -218,7 +218,7 @@ def altered(time: float = 1.0, **factors: float) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("log", "said"),
+    ("log", "message"),
     [
         (
             altered(torque=0.4),
@@ -229,10 +229,10 @@ def altered(time: float = 1.0, **factors: float) -> Log:
     ],
     ids=["amperes", "stamps", "degrees"],
 )
-def test_what_contradicts_the_gains_says_which_flag_would_fit(log: Log, said: str) -> None:
+def test_what_contradicts_the_gains_says_which_flag_would_fit(log: Log, message: str) -> None:
     """The remedy names the flag that fits, and never advises to leave the gains out."""
     remedy = identify_joint(log).record.objections[0].remedy
-    assert re.search(said, remedy) and "leave" not in remedy
+    assert re.search(message, remedy) and "leave" not in remedy
 
 
 def exchanged() -> Log:
@@ -243,7 +243,7 @@ def exchanged() -> Log:
 
 
 @pytest.mark.parametrize(
-    ("log", "gains", "said"),
+    ("log", "gains", "message"),
     [
         (altered(torque=-1.0), True, r"check --torque-scale \(about -1 would fit\), and that all columns"),
         (altered(position=-1.0), True, "turn the position's sign round in the log.* runs against its target"),
@@ -252,9 +252,9 @@ def exchanged() -> Log:
     ],
     ids=["torque", "position", "no gains", "exchanged"],
 )
-def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: bool, said: str) -> None:
+def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: bool, message: str) -> None:
     """A wrong sign or column is named, in place of a fit that turns the torque round."""
     log = log if gains else replace(log, setup=replace(log.setup, kp=None, kd=None))
-    with pytest.raises(LogError, match=said) as caught:
+    with pytest.raises(LogError, match=message) as caught:
         identify_joint(log)
     assert "--gravity" not in str(caught.value)

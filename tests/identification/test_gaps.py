@@ -68,10 +68,10 @@ def test_what_the_target_did_in_a_gap_does_not_bias_output_error() -> None:
     joint = GO1.joint
     assert isinstance(joint.friction, Coulomb)
     for name, truth in (("viscous_friction", joint.viscous), ("coulomb_friction", joint.friction.level)):
-        found, alone = broken.estimates[name], whole.estimates[name]
-        low, high = found.interval95
+        estimate, alone = broken.estimates[name], whole.estimates[name]
+        low, high = estimate.interval95
         assert low <= truth <= high, name
-        assert found.value == pytest.approx(truth, rel=0.04), name
+        assert estimate.value == pytest.approx(truth, rel=0.04), name
         assert high - low < 1.5 * (alone.interval95[1] - alone.interval95[0]), name
 
 
@@ -80,12 +80,12 @@ def test_gaps_do_not_accuse_the_controller() -> None:
     gains, time = PDGains(20.0, 0.5, 45.0), 0.002 * np.arange(10_000)
     log = example_log(GO1)
     broken = without(log, [(first, 50) for first, _ in SIX])
-    found = []
+    sizes = []
     for one in (log, broken):
         signals = check_log(one, "shank", one.joints["shank"])
         made = prepare(signals, np.asarray(signals.torque))
-        found.append(controller_mismatch(signals, gains, made.velocity, made.cutoff).size)
-    assert found[1] == pytest.approx(found[0], rel=0.05)
+        sizes.append(controller_mismatch(signals, gains, made.velocity, made.cutoff).size)
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.05)
     wave = np.sin(3 * time)
     torque = pd_torque(gains, wave, 0.9 * wave, 2.7 * np.cos(3 * time))
     all_gaps = Uniform(time, 0.002, 0.9 * wave, torque, wave, None, bridged=np.arange(10_000) % 20 == 0)

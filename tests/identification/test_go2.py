@@ -23,9 +23,9 @@ def records() -> dict[str, JointRecord]:
     if not folder or not path.is_file():
         pytest.skip("the Go2 record is not here: set STICTION_DATA to a folder with go2/traj_0.pt")
     setup = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, test_condition="in_air")
-    found, refused = identify_log(open_log(path, names=NAMES), setup)
-    assert not refused and tuple(found) == NAMES
-    return {name: result.record for name, result in found.items()}
+    results, refused = identify_log(open_log(path, names=NAMES), setup)
+    assert not refused and tuple(results) == NAMES
+    return {name: result.record for name, result in results.items()}
 
 
 def test_newton_metres_are_not_printed(records: dict[str, JointRecord]) -> None:

@@ -47,9 +47,9 @@ def test_parameters_that_the_simulation_does_not_tell_are_named(monkeypatch: pyt
     """The message names the parameters without information, not the gains."""
     run = make_run(example_log(), None, IdentifySetup())
     base = fit_rows(run.rows, run.model)
-    found = close_loop(run, base)[1].symmetric
-    assert found is not None
-    blurred = replace(found, unidentified=("offset", "viscous_friction"))
+    estimate = close_loop(run, base)[1].symmetric
+    assert estimate is not None
+    blurred = replace(estimate, unidentified=("offset", "viscous_friction"))
     monkeypatch.setattr(in_loop, "fit_output_error", lambda *arguments, **words: blurred)
     reason = close_loop(run, base)[1].reason
     assert reason is not None and reason.endswith("does not tell viscous_friction")
@@ -86,14 +86,14 @@ def test_delays_that_no_joint_has_are_the_users_to_mend() -> None:
         identify_joint(without_torque(example_log()), setup=IdentifySetup(velocity_delay=0.5))
 
 
-@pytest.mark.parametrize(("lacking", "said"), [("kp", "no kp and kd"), ("target", "no target")])
-def test_without_gains_or_target_there_is_no_loop(lacking: str, said: str) -> None:
+@pytest.mark.parametrize(("lacking", "message"), [("kp", "no kp and kd"), ("target", "no target")])
+def test_without_gains_or_target_there_is_no_loop(lacking: str, message: str) -> None:
     """A joint without a known controller is not simulated."""
     run = make_run(example_log(SATURN_LITE), None, IdentifySetup())
     changes = {"kp": {"setup": replace(run.setup, kp=None)}, "target": {"signals": replace(run.signals, target=None)}}
-    with pytest.raises(LoopError, match=said):
+    with pytest.raises(LoopError, match=message):
         controller(replace(run, **changes[lacking]))
     base = fit_rows(run.rows, run.model)
     loop = close_loop(replace(run, **changes[lacking]), base)[1]
-    assert loop.symmetric is None and loop.reason is not None and loop.reason.startswith(said)
+    assert loop.symmetric is None and loop.reason is not None and loop.reason.startswith(message)
     assert np.isfinite(base.values).all()

@@ -62,8 +62,8 @@ def test_several_processes_give_exactly_what_one_gives(monkeypatch: pytest.Monke
 @pytest.mark.usefixtures("serial")
 def test_a_refused_joint_says_why_and_stops_nobody() -> None:
     """The record of a rejected joint has one warning with the reason; the other joints are identified."""
-    found, refused = identify_log(robot(hip=stuck(), knee=signals(1)))
-    assert list(found) == ["knee"] and list(refused) == ["hip"]
+    results, refused = identify_log(robot(hip=stuck(), knee=signals(1)))
+    assert list(results) == ["knee"] and list(refused) == ["hip"]
     assert refused["hip"].coulomb_friction is None and len(refused["hip"].warnings) == 1
     assert refused["hip"].warnings[0].startswith(REFUSED + "robot.csv: ")
     # Where no joint can be identified there is nothing to write: the first reason is raised.
@@ -80,7 +80,7 @@ def test_a_refused_joint_says_why_and_stops_nobody() -> None:
 def test_repeats_go_with_their_joint() -> None:
     """Each joint is compared with the same joint of the repeat, and agrees with it."""
     log = robot(hip=signals(1), knee=signals(2, GO1))
-    found, _ = identify_log(log, repeats=(robot(knee=signals(12, GO1), hip=signals(11)),))
+    results, _ = identify_log(log, repeats=(robot(knee=signals(12, GO1), hip=signals(11)),))
     for name in ("hip", "knee"):
-        labels = {item["label"]: item for item in found[name].record.diagnostics["comparisons"]}
+        labels = {item["label"]: item for item in results[name].record.diagnostics["comparisons"]}
         assert labels["repeat 1"]["disputed"] == [], name

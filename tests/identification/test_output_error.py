@@ -85,11 +85,11 @@ def test_an_unknown_delay_of_the_loop_is_found() -> None:
     """
     signals, truth = late_log(0.004, whole_loop=True), dict(zip(PARAMETERS, TRUTH))
     for chosen in (signals, replace(signals, torque=None)):
-        found = fitted(chosen, truth, unknown=("delay",))
-        assert found.estimates["delay"].value == pytest.approx(0.004, rel=0.1)
-        assert found.estimates["inertia"].value == pytest.approx(TRUTH[0], rel=0.01)
-        assert found.estimates["viscous_friction"].value == pytest.approx(TRUTH[1], rel=0.02)
-        assert found.estimates["coulomb_friction"].value == pytest.approx(TRUTH[2], rel=0.01)
+        result = fitted(chosen, truth, unknown=("delay",))
+        assert result.estimates["delay"].value == pytest.approx(0.004, rel=0.1)
+        assert result.estimates["inertia"].value == pytest.approx(TRUTH[0], rel=0.01)
+        assert result.estimates["viscous_friction"].value == pytest.approx(TRUTH[1], rel=0.02)
+        assert result.estimates["coulomb_friction"].value == pytest.approx(TRUTH[2], rel=0.01)
         known = fitted(chosen, truth, delay=0.004)
         assert known.estimates["inertia"].value == pytest.approx(TRUTH[0], rel=0.01)
         assert known.estimates["coulomb_friction"].value == pytest.approx(TRUTH[2], rel=0.01)

@@ -84,7 +84,7 @@ def test_friction_beyond_the_torque_limit_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("log", "setup", "said"),
+    ("log", "setup", "message"),
     [
         (scaled(example_log(), torque=None, target=None), IdentifySetup(), "no torque"),
         (example_log(), IdentifySetup(torque_source="output_side"), "behind the gear"),
@@ -97,8 +97,8 @@ def test_friction_beyond_the_torque_limit_is_refused() -> None:
     ],
     ids=["no_torque", "output_side", "sign", "kp", "scale", "cutoff", "stuck", "too_few_turns"],
 )
-def test_what_cannot_be_done_is_refused(log: Log, setup: IdentifySetup, said: str) -> None:
+def test_what_cannot_be_done_is_refused(log: Log, setup: IdentifySetup, message: str) -> None:
     """Rejects impossible logs."""
-    with pytest.raises(StictionError, match=said) as caught:
+    with pytest.raises(StictionError, match=message) as caught:
         identify_joint(log, setup=setup)
     assert "\n" not in str(caught.value)

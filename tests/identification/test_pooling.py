@@ -58,9 +58,9 @@ def test_the_interval_holds_the_mean_of_joints_that_differ_from_run_to_run() -> 
         levels = 0.442 * (1 + 0.15 * rng.standard_normal(6))
         runs = [make_run(short(100 * trial + i, level), None, IdentifySetup()) for i, level in enumerate(levels)]
         base = _pooled(runs)
-        found = base.estimates()
-        within = found["coulomb_friction"].interval95
-        low, high = compare_runs(runs, base).admitted(found)["coulomb_friction"].interval95
+        estimates = base.estimates()
+        within = estimates["coulomb_friction"].interval95
+        low, high = compare_runs(runs, base).admitted(estimates)["coulomb_friction"].interval95
         held += low <= 0.442 <= high
         missed += not within[0] <= 0.442 <= within[1]
     assert held >= 0.85 * trials and missed > trials - held

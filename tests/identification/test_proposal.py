@@ -42,13 +42,13 @@ def test_the_worst_joint_sets_the_level() -> None:
 
 def test_no_level_is_proposed_where_none_is_known_or_trainable() -> None:
     """Null, with the reason; a good joint does not hide a seized one, and a drive's rail is no leg."""
-    for records, said in (
+    for records, message in (
         ({"shank": JointRecord()}, "--torque-limit"),
         ({"shank": record(0.9), "hip": record(0.01)}, "shank would need"),
         ({"rail": record(0.1, axis="linear")}, "no rotary joint"),
     ):
         told = propose(JointsFile(records))
-        assert told["friction"] is None and told["range"] is None and said in told["text"]
+        assert told["friction"] is None and told["range"] is None and message in told["text"]
 
 
 def test_the_proposal_says_what_it_does_not_cover() -> None:

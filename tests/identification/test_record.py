@@ -65,8 +65,8 @@ def test_gravity_tells_the_encoders_bias(bias: float, hanging: float) -> None:
     phase = bias + hanging
     weight = {"gravity_sin": 2.2 * np.cos(phase), "gravity_cos": -2.2 * np.sin(phase)}
     fit = fit_rows(equation_rows(PLAIN | weight), Model(gravity=True))
-    found = hanging_bias(fit, hanging)
-    assert found is not None and found.value == pytest.approx(bias, abs=1e-9)
+    estimate = hanging_bias(fit, hanging)
+    assert estimate is not None and estimate.value == pytest.approx(bias, abs=1e-9)
 
 
 def test_the_bias_of_a_leg_is_found_in_noise() -> None:

@@ -49,8 +49,8 @@ def test_every_law_gives_its_parameters_back(law: Law, gravity: bool) -> None:
     rows = equation_rows(values, load=0.8, middle=MIDDLE)
     fit = fit_rows(rows, Model(law, gravity, MIDDLE))
     assert set(fit.names) == set(values)
-    for name, found in zip(fit.names, fit.values, strict=True):
-        assert found == pytest.approx(values[name], rel=1e-3 if law == "stribeck" else 1e-5), name
+    for name, value in zip(fit.names, fit.values, strict=True):
+        assert value == pytest.approx(values[name], rel=1e-3 if law == "stribeck" else 1e-5), name
     assert np.abs(fit.residual).max() < (1e-3 if law == "stribeck" else 1e-5)
 
 

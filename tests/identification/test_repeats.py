@@ -41,8 +41,8 @@ def test_a_repeat_is_a_line_and_a_bad_one_a_warning() -> None:
     lines = repeat_lines(record)
     assert lines[0].startswith("repeat good: ") and "agree" in lines[0] and "times the fit's own" in lines[0]
     assert "do not" in lines[1] and lines[2].startswith("repeat short: not used: short: 50 samples")
-    said = [text for text in record.warnings if "the repeat " in text]
-    assert len(said) == 2 and said[0].startswith("the repeat bad is predicted badly: 5") and "short" in said[1]
+    texts = [text for text in record.warnings if "the repeat " in text]
+    assert len(texts) == 2 and texts[0].startswith("the repeat bad is predicted badly: 5") and "short" in texts[1]
 
 
 def test_feedforward_belongs_to_the_controller() -> None:
@@ -54,11 +54,11 @@ def test_feedforward_belongs_to_the_controller() -> None:
     blind = identify_joint(changed(pushed, target=target)).record
     assert blind.diagnostics["controller_mismatch"] > 0.15 and blind.diagnostics["output_error"] is None
     log = changed(pushed, target=target, feedforward=pulses / 3.0)
-    found = identify_joint(log, setup=IdentifySetup(feedforward_scale=3.0))
-    assert found.record.diagnostics["controller_mismatch"] < 0.06 and found.record.objections == ()
-    assert found.record.coulomb_friction.value == pytest.approx(0.442, rel=0.03)
-    assert found.record.diagnostics["output_error"]["coulomb_friction"]["value"] == pytest.approx(0.442, rel=0.03)
-    np.testing.assert_allclose(found.fit.target, target, atol=1e-12)
+    result = identify_joint(log, setup=IdentifySetup(feedforward_scale=3.0))
+    assert result.record.diagnostics["controller_mismatch"] < 0.06 and result.record.objections == ()
+    assert result.record.coulomb_friction.value == pytest.approx(0.442, rel=0.03)
+    assert result.record.diagnostics["output_error"]["coulomb_friction"]["value"] == pytest.approx(0.442, rel=0.03)
+    np.testing.assert_allclose(result.fit.target, target, atol=1e-12)
     positions = identify_joint(changed(log, torque=None), setup=IdentifySetup(feedforward_scale=3.0)).record
     assert positions.combinations["f/k"].value == pytest.approx(0.442, rel=0.03)
     with_no_loop = identify_joint(replace(log, setup=replace(log.setup, kp=None))).record

@@ -130,19 +130,19 @@ def test_an_older_file_is_read_as_what_holds_the_joint() -> None:
 
 def test_a_simulator_gets_friction_in_motion_and_says_so() -> None:
     """MuJoCo has one number: the one in motion, with a note that nothing more holds the model at rest."""
-    found = joint_physics("shank", held(2.4, 0.1))
-    assert found.friction == pytest.approx(0.1)
+    physics = joint_physics("shank", held(2.4, 0.1))
+    assert physics.friction == pytest.approx(0.1)
     notes = " ".join(beyond_coulomb(held(2.4, 0.1)))
     assert "static_friction 2.4 is not represented, breakaway over moving: 24 (--friction static writes it)" in notes
 
 
 def test_a_simulator_gets_friction_at_rest_where_that_is_asked_for() -> None:
     """A simulator gets friction at rest alone, and a note on that in motion; a joint with one friction keeps it."""
-    found = joint_physics("shank", held(2.4, 0.1), which="static")
-    assert found.friction == pytest.approx(2.4)
-    notes = " ".join(urdf_snippet([found]).notes)
+    physics = joint_physics("shank", held(2.4, 0.1), which="static")
+    assert physics.friction == pytest.approx(2.4)
+    notes = " ".join(urdf_snippet([physics]).notes)
     assert "static_friction" not in notes and "stribeck, is replaced by its Coulomb and viscous part" in notes
-    said = "at rest, 2.4, breakaway over moving: 24: in motion it has 0.1, and the model is braked by too much"
-    assert any(said in note for note in found.notes)
+    warning = "at rest, 2.4, breakaway over moving: 24: in motion it has 0.1, and the model is braked by too much"
+    assert any(warning in note for note in physics.notes)
     plain = replace(held(2.4, 0.1), static_friction=None, friction_law=None)
     assert joint_physics("shank", plain, which="static").friction == pytest.approx(0.1)

@@ -48,13 +48,13 @@ def errors(
     every = np.stack(
         [*torques.values(), nothing, nothing, strength_torque(gains, cut, joint.friction.effort_coefficient)], axis=2
     )
-    found = vary(joint, gains, cut, every, start)
+    derivatives = vary(joint, gains, cut, every, start)
     wrong = {}
     for index, name in enumerate(values):
         small = 2e-5 * abs(values[name])
         there, here = (run(values | {name: values[name] + way * small}, made.position) for way in (1, -1))
         expected = np.stack([there.position - here.position, there.velocity - here.velocity]) / (2 * small)
-        sizes = np.linalg.norm(found[:, :, index] - expected, axis=1) / np.linalg.norm(expected, axis=1)
+        sizes = np.linalg.norm(derivatives[:, :, index] - expected, axis=1) / np.linalg.norm(expected, axis=1)
         wrong[name] = (float(sizes[0]), float(sizes[1]))
     return wrong, made
 
@@ -87,12 +87,12 @@ def test_friction_that_is_cut_off_at_zero_depends_on_nothing() -> None:
 
 def test_the_error_falls_with_the_square_of_the_step() -> None:
     """The torque −θ'' is taken as straight within a step: 0.4 % off at 200 Hz, 0.02 % at 1 kHz; −1 is exact."""
-    found = []
+    results = []
     for step in (0.005, 0.001):
         time = step * np.arange(round(3.0 / step))
         target = 0.4 * np.sin(np.pi * time) + 0.3 * np.sin(4 * np.pi * time)
         values = dict(zip(Model().names, (0.0145, 0.07, 0.3, -0.05))) | START
-        found.append(errors(Model(), values, GAINS, target, 0.5 * np.sin(9 * time), step)[0])
-    assert found[0]["inertia"][0] == pytest.approx(0.004, rel=0.2)
-    assert found[0]["inertia"][0] / found[1]["inertia"][0] == pytest.approx(25.0, rel=0.2)
-    assert max(found[0]["offset"]) < 1e-4
+        results.append(errors(Model(), values, GAINS, target, 0.5 * np.sin(9 * time), step)[0])
+    assert results[0]["inertia"][0] == pytest.approx(0.004, rel=0.2)
+    assert results[0]["inertia"][0] / results[1]["inertia"][0] == pytest.approx(25.0, rel=0.2)
+    assert max(results[0]["offset"]) < 1e-4

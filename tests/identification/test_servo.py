@@ -18,7 +18,7 @@ WHOLE = SERVO.viscous + SERVO.brake
 MOTOR = {"duty_voltage": 12.0, "kt": 1.5, "resistance": 4.0}
 
 
-def said(record: JointRecord, words: str) -> bool:
+def warns_of(record: JointRecord, words: str) -> bool:
     """Return True if a warning contains these words."""
     return any(words in text for text in record.warnings)
 
@@ -36,7 +36,7 @@ def test_a_motor_by_voltage_in_si(column: str) -> None:
     assert record.combinations[BRAKE].value == pytest.approx(WHOLE, rel=0.01)
     assert record.friction_ratio is not None and record.friction_ratio.value == pytest.approx(0.15 / 4.5, rel=0.03)
     assert record.diagnostics["drive"]["brake"] == pytest.approx(0.5625)
-    assert said(record, "brakes itself by kt·ke/R = 0.562, 82% of B + kt·ke/R (ke = kt)")
+    assert warns_of(record, "brakes itself by kt·ke/R = 0.562, 82% of B + kt·ke/R (ke = kt)")
 
 
 def test_too_much_taken_off_is_an_objection() -> None:
@@ -55,7 +55,7 @@ def test_without_kt_or_r_newton_metres_are_null(flag: str, missing: str) -> None
     assert record.combinations["f/k"].value == pytest.approx(0.15 / 0.375, rel=0.02)
     assert record.combinations[f"({BRAKE})/k"].value == pytest.approx(WHOLE / 0.375, rel=0.01)
     assert ("B/k" in record.combinations) == (flag == "resistance")
-    assert said(record, f"without {missing} the torque column is not in N m")
+    assert warns_of(record, f"without {missing} the torque column is not in N m")
 
 
 @pytest.mark.parametrize("resistance", [4.0, None])
@@ -67,11 +67,11 @@ def test_a_pendulum_tells_the_scale(resistance: float | None) -> None:
     assert record.objections == () and record.gravity_sin is None
     assert holds(record.inertia, 0.012) and holds(record.coulomb_friction, 0.15)
     assert record.combinations[BRAKE].value == pytest.approx(WHOLE, rel=0.01)
-    assert said(record, "it hangs at 0.30")
+    assert warns_of(record, "it hangs at 0.30")
     if resistance is None:
-        assert record.viscous_friction is None and said(record, "the same at every supply voltage")
+        assert record.viscous_friction is None and warns_of(record, "the same at every supply voltage")
     else:
-        assert holds(record.viscous_friction, 0.12) and said(record, "R times kt/R by the known weight")
+        assert holds(record.viscous_friction, 0.12) and warns_of(record, "R times kt/R by the known weight")
 
 
 def test_a_pendulum_at_three_masses_is_one_fit() -> None:
@@ -103,5 +103,5 @@ def test_runs_with_and_without_the_current_tell_the_brake() -> None:
     current = servo.log("current", seed=1, noise=0.5, kt=1.5, torque_column="current")
     alone, both = (identify_joint(duty, more=more).record for more in ((), (current,)))
     assert not holds(alone.viscous_friction, 0.12) and holds(both.viscous_friction, 0.12)
-    assert both.diagnostics["drive"]["source"] == "runs" and said(both, "by the runs whose current was logged")
+    assert both.diagnostics["drive"]["source"] == "runs" and warns_of(both, "by the runs whose current was logged")
     assert both.combinations[BRAKE].value == pytest.approx(0.12 + servo.brake, rel=0.01)

@@ -105,7 +105,7 @@ def test_commands_in_stairs_stay_stairs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stamps", "said"),
+    ("stamps", "message"),
     [
         (np.zeros(1000), "time stands still: 999 of 1000"),
         (np.floor(TIME**1.3 * 5) / 5, "time stands still"),
@@ -114,15 +114,15 @@ def test_commands_in_stairs_stay_stairs() -> None:
         (np.repeat(TIME[::50], 50) + np.tile(np.arange(50) * 2e-5, 20), "come in bursts"),
     ],
 )
-def test_hopeless_stamps_are_refused(stamps: np.ndarray, said: str) -> None:
+def test_hopeless_stamps_are_refused(stamps: np.ndarray, message: str) -> None:
     """Rejects hopeless stamps in one line, with the remedy."""
-    with pytest.raises(LogError, match=said) as caught:
+    with pytest.raises(LogError, match=message) as caught:
         even_grid("x.csv", stamps)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("stamps", "points", "said"),
+    ("stamps", "points", "message"),
     [
         (TIME[::-1], 1000, "newest row first"),
         (np.concatenate([TIME, TIME]), 2199, "begins again at sample 1001"),
@@ -132,8 +132,8 @@ def test_hopeless_stamps_are_refused(stamps: np.ndarray, said: str) -> None:
         (np.where(np.arange(1000) == 500, 1e6, TIME), 1000, "1 samples have a stamp far from"),
     ],
 )
-def test_odd_stamps_are_used_and_said(stamps: np.ndarray, points: int, said: str) -> None:
+def test_odd_stamps_are_used_and_said(stamps: np.ndarray, points: int, message: str) -> None:
     """The grid has as many points as the samples take, a pause of one second at most, and a warning."""
     grid, timing = even_grid("x.csv", stamps)
-    assert len(grid.times) == points and re.search(said, " ".join(timing.warnings()))
+    assert len(grid.times) == points and re.search(message, " ".join(timing.warnings()))
     assert grid.step == pytest.approx(STEP, rel=1e-3) and (np.diff(grid.stamps) > 0).all()

@@ -209,7 +209,7 @@ def test_no_command_is_printed_that_no_simulator_could_follow() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"load_coefficient": Estimate(0.1, 0.01, (0.08, 0.12)), "friction_law": {"regressor": "motor_torque"}},
          "What load adds to this joint's friction, 0.1 (95 %: 0.08 to 0.12) times |motor torque| [N m], is not"),
@@ -217,10 +217,10 @@ def test_no_command_is_printed_that_no_simulator_could_follow() -> None:
         ({"friction_law": {"law": "coulomb"}}, ""),
     ],
 )  # fmt: skip
-def test_friction_that_is_not_coulombs_is_not_covered(changes: dict, said: str) -> None:
+def test_friction_that_is_not_coulombs_is_not_covered(changes: dict, message: str) -> None:
     """A training under Coulomb's law never met friction that grows with load, however well it follows with the rest."""
     share = Estimate(0.14, 0.005, (0.13, 0.15))
     record = JointRecord(coulomb_friction=FRICTION, friction_ratio=share, test_condition="loaded", **changes)
     told = judge(record, SOURCES)
-    assert "It covers 15 %" in told.lines[2] and told.lines[2].endswith("is not covered.") == bool(said)
-    assert said in told.lines[2] and told.lines[2].endswith(told.proposal)
+    assert "It covers 15 %" in told.lines[2] and told.lines[2].endswith("is not covered.") == bool(message)
+    assert message in told.lines[2] and told.lines[2].endswith(told.proposal)

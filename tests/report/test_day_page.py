@@ -57,8 +57,8 @@ def made_run(day: Path, run: str, command: tuple[float, float, float] = (0.5, 0.
     arrays |= {"angular_velocity": np.tile([0.0, 0.0, 0.4], (501, 1)), "velocity_command": np.tile(command, (501, 1))}
     arrays |= {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (501, 1))}
     publish_npz(folder / LOG / part_name(READINGS, 0, 1), arrays, compressed=True)
-    said = {"bundle": policy, "digest": header.digest, "armed": True, "stop": None, "lateness_judged": "well"}
-    (folder / "report.json").write_text(json.dumps(said | report))
+    content = {"bundle": policy, "digest": header.digest, "armed": True, "stop": None, "lateness_judged": "well"}
+    (folder / "report.json").write_text(json.dumps(content | report))
     return folder
 
 
@@ -116,7 +116,7 @@ def test_the_page_says_what_is_missing_and_keeps_what_was_written_by_hand(
     """A comparison with holes is not read as a whole one, and a second call loses no note."""
     made_run(day, "clamped/none-2")
     assert main(["report", "--bench", str(day)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     page = (day / bench.PAGE).read_text()
     for lack in (
         "no second policy: nothing to compare",
@@ -127,7 +127,7 @@ def test_the_page_says_what_is_missing_and_keeps_what_was_written_by_hand(
         "clamped/none-2: no distance in sheet.csv",
         "clamped/dry: a dry run, left out",
     ):
-        assert lack in said and lack in page
+        assert lack in output and lack in page
     assert len(read_rows(day / bench.TABLE, BenchRow)) == 3
     sheet = {row.run: row for row in read_rows(day / SHEET, SheetRow)}
     assert sheet["plain/none-2"] == SheetRow("plain/none-2", 0.3, robot="B42") and "clamped/none-2" in sheet
@@ -149,10 +149,10 @@ def test_a_day_that_lacks_nothing(tmp_path: Path) -> None:
         rows = [bench.read_rows(predicted(day, condition, name, 1.0) / "results.csv", ResultRow)[0]
                 for name in ("none", "deception")]  # fmt: skip
         write_results(day / condition / "predicted/results.csv", rows)
-    found = read_day(day)
-    rows = bench_rows(found)
+    bench_day = read_day(day)
+    rows = bench_rows(bench_day)
     # A virtual robot went half a metre forward in its second; what it drifted sideways is not along the command.
-    assert missing(found, rows) == [] and [row.reached for row in rows] == pytest.approx([1.0] * 4)
+    assert missing(bench_day, rows) == [] and [row.reached for row in rows] == pytest.approx([1.0] * 4)
     assert "differ by 0.00 on average" in bench.lead(rows, [])
 
 
@@ -188,15 +188,15 @@ def test_what_is_damaged_or_mixed_up_is_refused_in_one_line(
     day: Path, name: str, capsys: pytest.CaptureFixture
 ) -> None:
     """A damaged run is not left out in silence, and nothing is written over."""
-    damage, said = DAMAGE[name]
+    damage, message = DAMAGE[name]
     damage(day)
     assert main(["report", "--bench", str(day)]) == 1
     errors = capsys.readouterr().err
-    assert said in errors and errors.count("\n") == 1 and not (day / bench.PAGE).exists()
+    assert message in errors and errors.count("\n") == 1 and not (day / bench.PAGE).exists()
 
 
 def test_a_second_prediction_of_a_cell_is_refused(day: Path) -> None:
-    """Of two friction levels nobody knows which is the condition's."""
+    """Refuses a second prediction of one condition and policy."""
     predicted(day, "plain", "none", 1.0).rename(day / "plain/again")
     predicted(day, "plain", "none", 0.5)
     with pytest.raises(StictionError, match="second prediction of plain, none"):
@@ -209,8 +209,8 @@ def test_a_folder_that_is_no_day_is_refused(
     """A folder without runs, with too many, or none at all, is one line."""
     (tmp_path / "a/b").mkdir(parents=True)
     (tmp_path / "a/c").mkdir()
-    for words, said in ((["--bench", str(tmp_path)], "no armed run"), ([], "expected the folder of a day")):
-        assert main(["report", *words]) == 1 and said in capsys.readouterr().err
+    for words, message in ((["--bench", str(tmp_path)], "no armed run"), ([], "expected the folder of a day")):
+        assert main(["report", *words]) == 1 and message in capsys.readouterr().err
     assert main(["report", "--bench", str(tmp_path / "none")]) == 1 and "no folder" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
     monkeypatch.setattr(bench, "MOST_FOLDERS", 1)
@@ -219,7 +219,7 @@ def test_a_folder_that_is_no_day_is_refused(
 
 @pytest.mark.slow
 def test_a_day_on_a_virtual_robot(tmp_path: Path) -> None:
-    """What deploy writes of a walk is all that the page needs."""
+    """The page needs only what `deploy` writes."""
     policy = "saturn_lite-flat-deception-0.2"
     words = ["deploy", policy, "--armed", "--command", "vx=0.4", "--duration", "1", "--json", "--robot-cell", "sensors"]
     words += [

@@ -21,7 +21,7 @@ def make_row(policy: str, level: float, command: str, ratio: float | None, falls
 
 
 @pytest.mark.parametrize(
-    ("seen", "said"),
+    ("seen", "text"),
     [
         ("", "nowhere"),
         ("0", "at 0 %"),
@@ -31,10 +31,10 @@ def make_row(policy: str, level: float, command: str, ratio: float | None, falls
         ("0 5 10 30", "from 0 to 10 % and at 30 %"),
     ],
 )
-def test_places_are_said_as_a_person_would(seen: str, said: str) -> None:
+def test_places_are_said_as_a_person_would(seen: str, text: str) -> None:
     """A span over a place where it was otherwise would claim what was not seen: 5 % lies between 0 and 10 %."""
     tried = {f"{level} %": level in seen.split() for level in ["0", "5", "10", "20", "30"]}
-    assert places_text(tried) == said
+    assert places_text(tried) == text
 
 
 ROWS = [

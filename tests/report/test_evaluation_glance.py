@@ -72,7 +72,7 @@ def test_the_answer_is_what_is_followed_up_to_which_friction(
 
 
 def test_rows_that_fail_come_first_and_all_good_ones_are_one_line() -> None:
-    """Of 45 rows nobody finds the three that matter."""
+    """Lists failing rows first, the worst on top, and counts the passing ones in one line."""
     lines = shown([*GOOD, row(0.1, "vx=0.8", 0.3), row(0.1, "wz=1", 0.9, falls=0.2)])
     table = lines[lines.index(next(line for line in lines if line.startswith("friction"))) :]
     assert [line.split()[2] for line in table[1:3]] == ["wz=1", "vx=0.8"] and table[3].strip() == "12 rows follow"
@@ -85,5 +85,5 @@ def test_rows_that_fail_come_first_and_all_good_ones_are_one_line() -> None:
 def test_no_robot_has_a_gait_that_is_not_its_own(gait: str, heading: str | None) -> None:
     """Four feet trot; two have no contact groups at all."""
     text = results_table(GOOD, [{}] * len(GOOD), gait) + definitions_table(GOOD, gait)
-    found = {word for word in ("tripod", "trot") if f">{word}<" in text or f">{word} [" in text}
-    assert found == ({heading} if heading else set())
+    gaits = {word for word in ("tripod", "trot") if f">{word}<" in text or f">{word} [" in text}
+    assert gaits == ({heading} if heading else set())

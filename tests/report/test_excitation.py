@@ -70,13 +70,13 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
     results(tmp_path)
     page = write_excitation_page(tmp_path).read_text(encoding="utf-8")
     assert page.count('class="drawing"') == 3
-    for said in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", ">10<", "mind the step", "bare_motor"):
-        assert said in page, said
+    for text in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", ">10<", "mind the step", "bare_motor"):
+        assert text in page, text
     assert "stiction identify LOG.csv" in page and "<td>N m" not in page and "coulomb_friction [N m]" in page
 
 
 def test_a_design_survives_its_file(tmp_path: Path) -> None:
-    """What is written is what is read, rows included."""
+    """A design reads back as it was written, rows included."""
     results(tmp_path)
     again = load_design(tmp_path / "design.json")
     assert json.dumps(again.to_dict()) == json.dumps(DESIGN.to_dict())

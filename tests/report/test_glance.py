@@ -102,7 +102,7 @@ def test_every_answer_and_refusal_has_the_same_shape(record: JointRecord, answer
 
 
 def test_of_several_joints_the_worst_comes_first_with_one_answer_and_one_command() -> None:
-    """What is not valid leads the table and is an error; the answer is that of the worst of the others."""
+    """An invalid joint leads the table as an error; the answer is that of the worst valid joint."""
     records = {"hip": joint(0.001, 0.002), "knee": joint(0.13, 0.2), "toe": joint(0.1, 0.2, findings=(WRONG,))}
     refused = JointRecord(findings=(Finding("refused", "not identified: it stands", severity="warning"),))
     joints = JointsFile(records | {"heel": refused})

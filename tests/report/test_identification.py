@@ -45,7 +45,7 @@ def test_what_is_not_known_is_said_and_warnings_are_shown(tmp_path: Path) -> Non
 
 
 def test_the_page_names_its_command_the_units_of_what_was_given_and_the_file_to_train_with(tmp_path: Path) -> None:
-    """If this failed, a page could not be made again, a gain of 20 be anything, and the next command would fail."""
+    """The page states its command, units of the gains, and a training command with the right path."""
     folder = tmp_path / "my joint"
     folder.mkdir()
     record = results(folder).joints["shank"]

@@ -1,4 +1,4 @@
-"""What every page shares: contents, who made it, grouped tables, and lines that colour-blind eyes tell apart."""
+"""Shared page layout: contents, origin, grouped tables, and lines distinguishable to colour-blind readers."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("eyes", EYES)
 def test_colours_are_apart_to_every_kind_of_eyes(eyes: str) -> None:
-    """If this failed, one man in twelve would read the wrong line."""
+    """Colours stay distinguishable under every kind of colour vision."""
     seen = [lab(np.clip(np.array(EYES[eyes]) @ linear(color), 0, 1)) for color in COLORS]
     assert min(float(np.linalg.norm(one - other)) for one, other in combinations(seen, 2)) > APART
 
 
 def test_lines_differ_in_more_than_colour() -> None:
-    """If this failed, a page that is printed in grey would have lines that nobody can tell apart."""
+    """Lines differ in dash pattern and marker as well as colour."""
     names = [str(number) for number in range(12)]
     looks = [line_look(name, names) for name in names]
     assert len({str(look["linestyle"]) for look in looks[:6]}) == 6
@@ -64,7 +64,7 @@ def test_lines_differ_in_more_than_colour() -> None:
 
 
 def test_names_stand_at_the_ends_of_their_lines_and_not_on_each_other() -> None:
-    """If this failed, a reader would go to and fro between a legend and nine lines."""
+    """Labels stand at the ends of their lines, without overlap."""
     _, (axis,) = new_figure()
     for name, end in (("low", 0.0), ("high", 1.0), ("as high", 1.0)):
         axis.plot([0, 1], [0.5, end], label=name)
@@ -78,7 +78,7 @@ def test_names_stand_at_the_ends_of_their_lines_and_not_on_each_other() -> None:
 
 
 def test_a_page_begins_with_what_made_it_and_a_list_of_its_parts() -> None:
-    """If this failed, a reader of a long page would not find what is in it, nor how to make it again."""
+    """A page of several sections starts with its command and a list of its sections."""
     parts = [Section(title, (paragraph("x"),)) for title in ("The answer", "Every row", "Every row")]
     page = render_page("t", parts, "It holds.", command="stiction evaluate X", date="2026-11-23")
     assert "Drawn on 2026-11-23; what it shows was made by <code>stiction evaluate X</code>." in page

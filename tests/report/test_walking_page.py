@@ -70,7 +70,7 @@ def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
 
 
 def test_what_many_joints_have_against_them_is_one_line() -> None:
-    """Of a walk without friction eighteen joints had theirs twice: forty lines, the same but for their numbers."""
+    """Groups equal findings of several joints into one line."""
     seen = {name: f"the interval of {name} reaches zero" for name in ("hip", "knee", "toe")}
     findings = {name: (Finding(FRICTION_REACHES_ZERO, text, "log for longer"), TIRED) for name, text in seen.items()}
     records = {name: JointRecord(findings=findings[name], diagnostics={"verdict": {"lines": []}}) for name in seen}
@@ -84,7 +84,7 @@ def test_what_many_joints_have_against_them_is_one_line() -> None:
 
 
 def test_the_fit_survives_its_file(tmp_path: Path) -> None:
-    """What is drawn is what was found; damage is one line."""
+    """A fit reads back as it was written; a damaged file is refused in one line."""
     fit = make_fit()
     write_walk_fit(tmp_path / "fit.npz", fit)
     again = read_walk_fit(tmp_path / "fit.npz")

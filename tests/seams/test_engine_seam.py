@@ -66,7 +66,7 @@ def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("engine_of_mine:CLASS", "is not an EngineSpec"),
         ("engine_of_mine:NOTHING", "no 'NOTHING' in engine_of_mine"),
@@ -75,7 +75,7 @@ def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp
         ("mujoko", "did you mean 'mujoco'[?] known: mujoco, physx, ode, ode-webots; give a custom one"),
     ],
 )
-def test_a_name_that_leads_to_no_engine_is_refused(mine: Path, name: str, said: str) -> None:
+def test_a_name_that_leads_to_no_engine_is_refused(mine: Path, name: str, message: str) -> None:
     """The message says what was looked for and what there is."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         find_engine(name)

@@ -54,7 +54,7 @@ def test_it_is_a_flag_and_goes_on_after_a_resume(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("alive", "expected package.module:NAME"),
         ("no_such_module_at_all:alive", "cannot be imported"),
@@ -63,10 +63,10 @@ def test_it_is_a_flag_and_goes_on_after_a_resume(tmp_path: Path) -> None:
         (f"{__name__}:fall", "a function with another name"),
     ],
 )
-def test_what_is_no_new_term_is_refused(name: str, said: str) -> None:
+def test_what_is_no_new_term_is_refused(name: str, message: str) -> None:
     """A misspelt term that is silently left out would cost a night of training."""
     assert fall.__name__ == "fall"
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         RewardCfg(own=((name, 1.0),)).terms_for(find_robot("saturn_lite"))
 
 
@@ -86,7 +86,7 @@ def number(snapshot: Snapshot) -> float:
 
 
 @pytest.mark.parametrize(
-    ("term", "said"),
+    ("term", "message"),
     [
         ("crooked", r"returns a tensor of shape \(\); expected \(2,\), one value per robot"),
         (
@@ -96,8 +96,8 @@ def number(snapshot: Snapshot) -> float:
         ("number", "fails with AttributeError: 'float' object has no attribute 'shape'; expected a function"),
     ],
 )
-def test_a_term_that_fails_is_named(term: str, said: str) -> None:
+def test_a_term_that_fails_is_named(term: str, message: str) -> None:
     """It is the user's own mistake, and no fault of the program; a sum over all robots would be paid to each."""
     env = LocomotionEnv(TaskCfg(robot="go1", rewards=RewardCfg(own=((f"{__name__}:{term}", 1.0),))), 2, seed=0)
-    with pytest.raises(StictionError, match=f"reward term '{__name__}:{term}' {said}"):
+    with pytest.raises(StictionError, match=f"reward term '{__name__}:{term}' {message}"):
         env.step(env.last_action)

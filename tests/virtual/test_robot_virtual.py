@@ -27,7 +27,7 @@ def make(hidden: Hidden | None = None, level: float = 0.0, period: float = 0.002
     friction = Case(0, "friction", Level(level)).friction(hidden, SPEC, 0.001)
     robot = VirtualRobot(engine, hidden, friction, np.random.default_rng(0), period, wear)
     robot.place(ZERO, np.zeros(3), UP)
-    engine.given.clear()
+    engine.torques.clear()
     engine.bounds.clear()
     return robot, engine
 
@@ -41,7 +41,7 @@ def test_a_command_acts_when_it_arrives_and_a_motion_is_known_when_that_arrives(
     """The policy meets both delays one after the other: 3 ms there, 4 ms back, in readings every 1 ms."""
     robot, engine = make(replace(Hidden.perfect(18), delays=Delays(0.003, 0.004)), period=0.001)
     readings = [robot.handle.exchange(push(1.0)) for _ in range(10)]
-    assert [torque[0] for torque in engine.given] == [0.0] * 3 + [1.0] * 7
+    assert [torque[0] for torque in engine.torques] == [0.0] * 3 + [1.0] * 7
     moved = [reading.sensors.joint_position[0] > 0 for reading in readings]
     # The fourth step is the first that moves it; its end is known four steps later.
     assert moved.index(True) == 3 + 4
@@ -55,10 +55,10 @@ def test_what_a_motor_feeds_forward_goes_by_its_own_encoder_and_not_by_the_bus()
     robot.program(parse_compensation("measured-motor").controller(np.full(18, 8.0), 0.001))
     kp = np.where(np.arange(18) < 17, 50.0, 0.0)
     robot.handle.exchange(JointCommand(np.full(18, 0.1), kp, ZERO, ZERO))
-    assert engine.given[0][0] == pytest.approx(5.0 + 6.0) and not any(torque[17] for torque in engine.given)
+    assert engine.torques[0][0] == pytest.approx(5.0 + 6.0) and not any(torque[17] for torque in engine.torques)
     robot.program(None)
     robot.handle.exchange(JointCommand(ZERO, ZERO, ZERO, ZERO))
-    assert not engine.given[-1].any()
+    assert not engine.torques[-1].any()
 
 
 def test_the_joint_controller_knows_neither_delay() -> None:
@@ -67,7 +67,7 @@ def test_the_joint_controller_knows_neither_delay() -> None:
     robot.handle.exchange(JointCommand(np.full(18, 0.1), np.full(18, 50.0), ZERO, ZERO))
     inertia = 0.01 + 0.0145
     angle, speed = 0.0, 0.0
-    for torque in engine.given:
+    for torque in engine.torques:
         assert torque[0] == pytest.approx(50.0 * (0.1 - angle), rel=1e-9)
         speed = (speed + 0.001 * torque[0] / inertia) / (1 + 0.001 * 0.0704 / inertia)
         angle += 0.001 * speed
@@ -78,7 +78,7 @@ def test_a_robot_is_limp_until_its_first_command_and_starts_anew_when_it_is_put_
     hidden = replace(Hidden.perfect(18), delays=Delays(0.005, 0.005))
     robot, engine = make(hidden)
     first = [robot.handle.exchange(push(1.0)) for _ in range(20)]
-    assert engine.given[0][0] == 0.0
+    assert engine.torques[0][0] == 0.0
     robot.place(ZERO, np.zeros(3), UP)
     again = [robot.handle.exchange(push(1.0)) for _ in range(20)]
     for one, other in zip(first, again, strict=True):
@@ -91,8 +91,8 @@ def test_reported_torque_is_the_mean_of_the_period() -> None:
     robot, engine = make(period=0.004)
     command = JointCommand(np.full(18, 0.1), np.full(18, 50.0), ZERO, ZERO)
     reading = robot.handle.exchange(command)
-    assert reading.joint_torque[0] == pytest.approx(np.mean([torque[0] for torque in engine.given]))
-    assert reading.joint_torque[0] > engine.given[-1][0]
+    assert reading.joint_torque[0] == pytest.approx(np.mean([torque[0] for torque in engine.torques]))
+    assert reading.joint_torque[0] > engine.torques[-1][0]
 
 
 def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:

@@ -12,8 +12,8 @@ from stiction.exchange.isaaclab import isaaclab_snippet
 
 def assigned(text: str) -> dict[str, ast.Dict]:
     """Return the dictionaries that a snippet assigns."""
-    found = [node for node in ast.parse(text).body if isinstance(node, ast.Assign)]
-    return {node.targets[0].id: node.value for node in found}  # type: ignore[attr-defined, misc]
+    assignments = [node for node in ast.parse(text).body if isinstance(node, ast.Assign)]
+    return {node.targets[0].id: node.value for node in assignments}  # type: ignore[attr-defined, misc]
 
 
 def groups(text: str) -> dict[str, dict]:
@@ -30,18 +30,18 @@ def test_friction_is_an_effort_at_rest_and_in_motion() -> None:
     text = isaaclab_snippet(
         [joint(".*_calf_joint"), joint("hip", static_friction=number(0.6), viscous_friction=None, kp=None)]
     ).text
-    found = groups(text)
+    actuators = groups(text)
     gains = {"stiffness": 20.0, "damping": 0.5, "armature": 0.03}
     friction = {"friction": 0.4, "dynamic_friction": 0.4, "viscous_friction": 0.07}
-    assert found[".*_calf_joint"] == {"joint_names_expr": [".*_calf_joint"]} | gains | friction
-    assert found["hip"]["friction"] == 0.6 and found["hip"]["dynamic_friction"] == 0.4
-    assert "viscous_friction" not in found["hip"] and found["hip"]["stiffness"] is None
+    assert actuators[".*_calf_joint"] == {"joint_names_expr": [".*_calf_joint"]} | gains | friction
+    assert actuators["hip"]["friction"] == 0.6 and actuators["hip"]["dynamic_friction"] == 0.4
+    assert "viscous_friction" not in actuators["hip"] and actuators["hip"]["stiffness"] is None
 
 
 def test_friction_at_rest_is_never_below_that_in_motion() -> None:
     """PhysX asks for it; two estimates may disagree by their noise."""
-    found = groups(isaaclab_snippet([joint("hip", static_friction=number(0.39))]).text)
-    assert found["hip"]["friction"] == found["hip"]["dynamic_friction"] == 0.4
+    actuators = groups(isaaclab_snippet([joint("hip", static_friction=number(0.39))]).text)
+    assert actuators["hip"]["friction"] == actuators["hip"]["dynamic_friction"] == 0.4
 
 
 def test_a_coefficient_needs_a_load() -> None:
@@ -49,18 +49,18 @@ def test_a_coefficient_needs_a_load() -> None:
     without = isaaclab_snippet([joint("hip")])
     assert set(assigned(without.text)) == {"IDENTIFIED_ACTUATORS"}
     assert any("--assumed-load" in note for note in without.notes)
-    given = isaaclab_snippet([joint("hip"), joint("knee", coulomb_friction=None)], 100.0)
-    assert ast.literal_eval(assigned(given.text)["FRICTION_COEFFICIENTS"]) == {"hip": pytest.approx(0.004)}
-    assert any("assumed load alone" in note for note in given.notes)
+    snippet = isaaclab_snippet([joint("hip"), joint("knee", coulomb_friction=None)], 100.0)
+    assert ast.literal_eval(assigned(snippet.text)["FRICTION_COEFFICIENTS"]) == {"hip": pytest.approx(0.004)}
+    assert any("assumed load alone" in note for note in snippet.notes)
 
 
 def test_a_coefficient_has_one_friction_and_efforts_have_both() -> None:
     """0.6 at rest and 0.4 in motion under 100 N + N m: by default the one in motion, by --friction static at rest."""
     for which, coefficient in (("moving", 0.004), ("static", 0.006)):
-        given = isaaclab_snippet([joint("hip", static_friction=number(0.6))], 100.0, which)
-        assert f"'hip': {coefficient:g}," in given.text and "motor: breakaway over moving: 1.5" in given.notes
-        found = groups(given.text)["hip"]
-        assert (found["friction"], found["dynamic_friction"]) == (0.6, 0.4)
+        snippet = isaaclab_snippet([joint("hip", static_friction=number(0.6))], 100.0, which)
+        assert f"'hip': {coefficient:g}," in snippet.text and "motor: breakaway over moving: 1.5" in snippet.notes
+        hip = groups(snippet.text)["hip"]
+        assert (hip["friction"], hip["dynamic_friction"]) == (0.6, 0.4)
 
 
 def test_newton_gets_one_friction() -> None:
@@ -68,8 +68,8 @@ def test_newton_gets_one_friction() -> None:
 
     The torque limit is what the actuator clips at, on both backends.
     """
-    given = isaaclab_snippet([joint("hip", static_friction=number(0.6), torque_limit=45.0)], newton=True)
-    found = groups(given.text)["hip"]
-    assert found["friction"] == 0.4 and "dynamic_friction" not in found and found["effort_limit"] == 45.0
-    assert "left out: static_friction (motor)" in given.text.splitlines()[0]
+    snippet = isaaclab_snippet([joint("hip", static_friction=number(0.6), torque_limit=45.0)], newton=True)
+    hip = groups(snippet.text)["hip"]
+    assert hip["friction"] == 0.4 and "dynamic_friction" not in hip and hip["effort_limit"] == 45.0
+    assert "left out: static_friction (motor)" in snippet.text.splitlines()[0]
     assert groups(isaaclab_snippet([joint("hip", torque_limit=45.0)]).text)["hip"]["effort_limit"] == 45.0

@@ -19,18 +19,18 @@ FILE = JointsFile({"shank": JointRecord(), "FL_hip": JointRecord()})
 
 def test_pairs_go_first_and_the_rest_is_matched_by_name_or_kind() -> None:
     """`FL_shank` is a shank; the hip needs its pair."""
-    found = map_joints(FILE, parse_joint_map(["FL_hip=FL_hip_joint"]), MODEL)
-    assert found == {"FL_hip_joint": "FL_hip", "FL_shank": "shank"}
+    mapping = map_joints(FILE, parse_joint_map(["FL_hip=FL_hip_joint"]), MODEL)
+    assert mapping == {"FL_hip_joint": "FL_hip", "FL_shank": "shank"}
 
 
 def test_a_mapped_record_goes_where_it_was_sent_only() -> None:
     """Both calves, by a wildcard; the joint of the record's own kind is left alone."""
-    found = map_joints(FILE, parse_joint_map(["shank=*_calf_joint", "FL_hip=FL_hip_joint"]), MODEL)
-    assert found == {"FL_calf_joint": "shank", "FR_calf_joint": "shank", "FL_hip_joint": "FL_hip"}
+    mapping = map_joints(FILE, parse_joint_map(["shank=*_calf_joint", "FL_hip=FL_hip_joint"]), MODEL)
+    assert mapping == {"FL_calf_joint": "shank", "FR_calf_joint": "shank", "FL_hip_joint": "FL_hip"}
 
 
 @pytest.mark.parametrize(
-    ("pairs", "said"),
+    ("pairs", "message"),
     [
         (["shank"], "RECORDED=MODEL"),
         (["=x"], "RECORDED=MODEL"),
@@ -40,9 +40,9 @@ def test_a_mapped_record_goes_where_it_was_sent_only() -> None:
         (["shank=FL_calf_joint"], "takes the record 'FL_hip'"),
     ],
 )
-def test_what_does_not_fit_is_refused(pairs: list[str], said: str) -> None:
+def test_what_does_not_fit_is_refused(pairs: list[str], message: str) -> None:
     """Rejects a record without a joint."""
-    with pytest.raises(StictionError, match=said.replace("*", r"\*")):
+    with pytest.raises(StictionError, match=message.replace("*", r"\*")):
         map_joints(FILE, parse_joint_map(pairs), MODEL)
 
 

@@ -14,11 +14,11 @@ from stiction.exchange.urdf import parse_markup, set_attributes
 def test_tags_are_found_where_they_stand() -> None:
     """Quotes may hold `>`, comments may hold tags, letters may take several bytes."""
     data = "<?xml version='1.0' encoding='utf-8'?>\n<!-- <joint/> ü --><a x='é > 1'><b  y=\"2\" /><c></c></a>".encode()
-    found = parse_markup(data, "test")
-    assert [data[tag.start : tag.end].decode() for tag in found.tags] == ["<a x='é > 1'>", '<b  y="2" />', "<c>"]
-    assert [tag.parent for tag in found.tags] == [None, 0, 0]
-    assert data[found.closes[2] :].startswith(b"</c>") and 1 not in found.closes
-    assert [up.name for up in found.ancestors(found.tags[2])] == ["a"] and found.tags[2].inside == {"a"}
+    markup = parse_markup(data, "test")
+    assert [data[tag.start : tag.end].decode() for tag in markup.tags] == ["<a x='é > 1'>", '<b  y="2" />', "<c>"]
+    assert [tag.parent for tag in markup.tags] == [None, 0, 0]
+    assert data[markup.closes[2] :].startswith(b"</c>") and 1 not in markup.closes
+    assert [up.name for up in markup.ancestors(markup.tags[2])] == ["a"] and markup.tags[2].inside == {"a"}
 
 
 def test_attributes_are_replaced_in_place_or_appended() -> None:
@@ -33,14 +33,14 @@ def test_attributes_are_replaced_in_place_or_appended() -> None:
 def test_edits_leave_everything_else_as_it_was() -> None:
     """Windows line ends and a mark at the beginning included."""
     data = b"\xef\xbb\xbf<a>\r\n\t<b/>\r\n</a>\r\n"
-    found = parse_markup(data, "test")
-    inner = found.tags[1]
+    markup = parse_markup(data, "test")
+    inner = markup.tags[1]
     noted = data.replace(b"<a>", b"<a>\n<!--\n  by - -hand\n-->").replace(b"<b/>", b"<x/>")
-    assert found.edited([(inner.start, inner.end, b"<x/>")], ["by --hand"]).encode() == noted
+    assert markup.edited([(inner.start, inner.end, b"<x/>")], ["by --hand"]).encode() == noted
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b'<!DOCTYPE a [<!ENTITY x "y">]><a>&x;</a>', "document type"),
         (b'<!doctype a SYSTEM "file:///etc/passwd"><a/>', "document type|not well-formed"),
@@ -50,9 +50,9 @@ def test_edits_leave_everything_else_as_it_was() -> None:
         (b"<a>" * 300 + b"</a>" * 300, "within each other"),
     ],
 )
-def test_what_is_dangerous_or_broken_is_refused(data: bytes, said: str) -> None:
+def test_what_is_dangerous_or_broken_is_refused(data: bytes, message: str) -> None:
     """Entities read files and grow without bound; depth costs time."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         parse_markup(data, "model.xml")
 
 
@@ -60,7 +60,7 @@ def test_what_is_dangerous_or_broken_is_refused(data: bytes, said: str) -> None:
 def test_any_bytes_are_read_or_refused(data: bytes) -> None:
     """Only the one error."""
     try:
-        found = parse_markup(data, "any")
+        markup = parse_markup(data, "any")
     except StictionError:
         return
-    assert module.edited(found.data, []).encode() == data
+    assert module.edited(markup.data, []).encode() == data

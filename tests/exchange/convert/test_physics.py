@@ -18,21 +18,21 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 def test_a_bare_motor_gives_everything() -> None:
     """A bare motor has the rotor's inertia; its friction is still a lower bound for the leg."""
-    found = joint_physics("shank", motor(), "FL_calf")
-    assert (found.name, found.recorded) == ("FL_calf", "shank")
-    assert (found.friction, found.damping, found.armature) == (0.4, 0.07, 0.03)
-    assert len(found.notes) == 1 and "lower bound" in found.notes[0]
+    physics = joint_physics("shank", motor(), "FL_calf")
+    assert (physics.name, physics.recorded) == ("FL_calf", "shank")
+    assert (physics.friction, physics.damping, physics.armature) == (0.4, 0.07, 0.03)
+    assert len(physics.notes) == 1 and "lower bound" in physics.notes[0]
     assert joint_physics("shank", motor(test_condition="loaded", inertia=None)).notes[0].startswith("inertia not known")
 
 
 @pytest.mark.parametrize(
-    ("condition", "said"), [("in_air", "includes the link's"), ("loaded", "loaded"), (None, "no stated condition")]
+    ("condition", "message"), [("in_air", "includes the link's"), ("loaded", "loaded"), (None, "no stated condition")]
 )
-def test_inertia_with_links_in_it_is_no_armature(condition: str | None, said: str) -> None:
+def test_inertia_with_links_in_it_is_no_armature(condition: str | None, message: str) -> None:
     """The simulator adds the links itself."""
-    found = joint_physics("shank", motor(test_condition=condition))
-    assert found.armature is None
-    assert any(said in note and "0.03" in note and "armature left out" in note for note in found.notes)
+    physics = joint_physics("shank", motor(test_condition=condition))
+    assert physics.armature is None
+    assert any(message in note and "0.03" in note and "armature left out" in note for note in physics.notes)
 
 
 def test_what_is_null_is_named_with_what_is_known_instead() -> None:
@@ -49,13 +49,13 @@ def test_what_is_null_is_named_with_what_is_known_instead() -> None:
 
 def test_richer_laws_are_not_lost_without_a_word() -> None:
     """Static friction, Stribeck, load, an offset that is sure: each is named, unless the simulator holds it."""
-    given = {name: number(0.4).to_dict() for name in ("coulomb_friction", "viscous_friction")}
+    parameters = {name: number(0.4).to_dict() for name in ("coulomb_friction", "viscous_friction")}
     record = motor(
         static_friction=number(0.5),
         stribeck_velocity=number(0.1),
         load_coefficient=number(0.02),
         offset=number(0.05),
-        friction_law={"law": "stribeck", "parameters": given},
+        friction_law={"law": "stribeck", "parameters": parameters},
     )
     assert len(beyond_coulomb(record)) == 5
     assert "static_friction 0.5 is not represented, breakaway over moving: 1.25 (" in beyond_coulomb(record)[0]
@@ -95,6 +95,6 @@ def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
     record = motor(
         viscous_friction=number(-0.2), coulomb_friction=number(0.6), static_friction=number(0.7), friction_law=law
     )
-    found = joint_physics("shank", record)
-    assert (found.friction, found.damping) == (0.44, 0.07)
+    physics = joint_physics("shank", record)
+    assert (physics.friction, physics.damping) == (0.44, 0.07)
     assert any("its Coulomb and viscous part" in note for note in beyond_coulomb(record))

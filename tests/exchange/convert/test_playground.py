@@ -121,8 +121,8 @@ def test_the_page_draws_friction_over_the_identified_damping(monkeypatch: pytest
     monkeypatch.setitem(
         sys.modules, "friction", SimpleNamespace(domain_randomize=lambda model, rng: (vars(model), rng))
     )
-    found, rng = page_function("randomize")(Model(dof_frictionloss=[0.3], dof_damping=[0.5]), "rng")
-    assert found == {"dof_frictionloss": [0.3], "dof_damping": [0.57]} and rng == "rng"
+    parameters, rng = page_function("randomize")(Model(dof_frictionloss=[0.3], dof_damping=[0.5]), "rng")
+    assert parameters == {"dof_frictionloss": [0.3], "dof_damping": [0.57]} and rng == "rng"
 
 
 def test_identified_damping_and_drawn_friction_act_together(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,8 +166,8 @@ def test_both_functions_of_the_page_act_together() -> None:
     jax.vmap(lambda world: mjx.step(world, mjx.make_data(world)).qpos, in_axes=(axes,))(worlds)
 
 
-@pytest.mark.parametrize(("joint", "said"), [("bare", "MJX makes friction rows where"), ("neck", "no joint 'neck'")])
-def test_what_would_not_act_is_refused(joint: str, said: str) -> None:
+@pytest.mark.parametrize(("joint", "message"), [("bare", "MJX makes friction rows where"), ("neck", "no joint 'neck'")])
+def test_what_would_not_act_is_refused(joint: str, message: str) -> None:
     """Rejects friction for a joint whose model has none, which MJX ignores."""
     draw = domain_randomize(ranges(**{joint: 10.0}))
     import jax
@@ -175,5 +175,5 @@ def test_what_would_not_act_is_refused(joint: str, said: str) -> None:
     from mujoco import mjx
 
     model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         draw(model, jax.random.split(jax.random.PRNGKey(0), 2))

@@ -326,7 +326,7 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["training.json", "--to", "urdf"], "takes the values of a joints.json"),
         (
@@ -345,9 +345,9 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
     ],
 )
 def test_what_a_user_can_mend_is_one_line(
-    folder: Path, capsys: pytest.CaptureFixture, words: list[str], said: str
+    folder: Path, capsys: pytest.CaptureFixture, words: list[str], message: str
 ) -> None:
     """Status 1, nothing on standard output."""
     assert main(["convert", *words]) == 1
     told = capsys.readouterr()
-    assert told.out == "" and said in told.err and told.err.count("\n") == 1
+    assert told.out == "" and message in told.err and told.err.count("\n") == 1

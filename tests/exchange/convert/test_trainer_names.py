@@ -58,7 +58,7 @@ def root(node: ast.AST) -> str:
 
 def problems(text: str, names: dict[str, Any]) -> list[str]:
     """Return the names of a text that a trainer does not have."""
-    nodes, found = list(ast.walk(ast.parse(text))), []
+    nodes, faults = list(ast.walk(ast.parse(text))), []
     imports = [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
     libraries = set()
     for node in imports:
@@ -67,7 +67,7 @@ def problems(text: str, names: dict[str, Any]) -> list[str]:
             libraries |= {alias.asname or alias.name for alias in node.names}
         elif module.partition(".")[0] == "isaaclab":
             known = names["imports"].get(module, [])
-            found += [f"from {module} import {alias.name}" for alias in node.names if alias.name not in known]
+            faults += [f"from {module} import {alias.name}" for alias in node.names if alias.name not in known]
     defined = {node.name: node for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     held = {node.attr for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)}
     arguments, writers = names["arguments"], [one for one in names["arguments"] if one.startswith("write_")]
@@ -89,16 +89,16 @@ def problems(text: str, names: dict[str, Any]) -> list[str]:
         # A function of theirs that is kept, `self.write`.
         takes = arguments.get(writers[0] if name in held and writers else name)
         if takes is None or len(node.args) > len(takes):
-            found.append(f"{name}: {len(node.args)} arguments")
-        found += [f"{name}({word.arg}=)" for word in node.keywords if word.arg not in (takes or ())]
+            faults.append(f"{name}: {len(node.args)} arguments")
+        faults += [f"{name}({word.arg}=)" for word in node.keywords if word.arg not in (takes or ())]
         if inherited and name in defined and isinstance(defined[name], ast.FunctionDef) and name != "__init__":
-            given = [one.arg for one in defined[name].args.args[1:]]
-            found += [] if given == takes else [f"def {name}({', '.join(given)})"]
+            parameters = [one.arg for one in defined[name].args.args[1:]]
+            faults += [] if parameters == takes else [f"def {name}({', '.join(parameters)})"]
     # Of the writers of two versions a text takes the one that is there.
     written = {name for name in attributes if name.startswith("write_")}
     if written and not written & {*writers}:
-        found.append(f"{' or '.join(sorted(written))}")
-    return found + sorted(attributes - written - {*arguments, *names["attributes"]})
+        faults.append(f"{' or '.join(sorted(written))}")
+    return faults + sorted(attributes - written - {*arguments, *names["attributes"]})
 
 
 @pytest.mark.parametrize(("trainer", "version"), VERSIONS)

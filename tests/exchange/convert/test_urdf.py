@@ -67,13 +67,13 @@ def test_what_urdf_cannot_hold_is_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "changes", "said"),
+    ("name", "changes", "message"),
     [
         ("foot", {}, "'foot' is of type fixed.*expected revolute or continuous"),
         ("knee", {"axis": "linear"}, "'knee' is of type continuous.*expected prismatic"),
     ],
 )
-def test_a_joint_that_does_not_fit_is_refused(name: str, changes: dict, said: str) -> None:
+def test_a_joint_that_does_not_fit_is_refused(name: str, changes: dict, message: str) -> None:
     """Newton metres do not go into a rail."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint(name, **changes)])

@@ -77,7 +77,7 @@ def test_a_proto_is_changed_at_its_joints_only() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b"A {", "brace does not close"),
         (b"A }", "never opened"),
@@ -87,9 +87,9 @@ def test_a_proto_is_changed_at_its_joints_only() -> None:
         (b"\xff", "not UTF-8"),
     ],
 )
-def test_a_broken_file_is_refused_at_once(data: bytes, said: str) -> None:
+def test_a_broken_file_is_refused_at_once(data: bytes, message: str) -> None:
     """One line, and no time to speak of."""
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         parse_nodes(data, "x.proto")
 
 

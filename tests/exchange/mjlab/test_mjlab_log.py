@@ -47,9 +47,9 @@ def test_what_was_put_in_is_identified_from_the_log(tmp_path: Path, friction: st
     np.testing.assert_allclose(other.joints["hip_joint"].torque, log.joints["hip_joint"].torque, rtol=1e-6)
     setup = log.setup_of("shank_joint")
     assert (setup.kp, setup.kd, setup.torque_limit, setup.torque_source) == (KP, KD, 45.0, "motor_side")
-    found = stiction.identify(log)
+    result = stiction.identify(log)
     for name, dry, viscous in (("shank_joint", 0.442, 0.07), ("hip_joint", 1.1, 0.2)):
-        record = found[name]
+        record = result[name]
         known = {"coulomb_friction": dry, "viscous_friction": viscous}
         if friction == "law" and name == "hip_joint":
             known["static_friction"] = 1.6
@@ -86,14 +86,14 @@ def test_the_target_is_the_one_that_the_actuator_got(tmp_path: Path) -> None:
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     """Before anything is simulated."""
-    for params, said in (
+    for params, message in (
         ({"path": tmp_path / "leg.mcap"}, r"got leg.mcap, expected a file that ends in .csv, .npz, .parquet"),
         ({"path": tmp_path / "leg.csv", "world": 2}, r"got world 2, expected 0 to 1"),
         ({"path": tmp_path / "leg.csv", "seconds": 0.0}, r"got 0.0 seconds, expected a positive number"),
     ):
         cfg = leg_cfg()
         cfg.recorders["log"] = RecorderTermCfg(func=StictionLog, params=params)
-        with pytest.raises(StictionError, match=said):
+        with pytest.raises(StictionError, match=message):
             made(cfg)
 
 

@@ -205,6 +205,6 @@ def test_no_other_file_is_read(tmp_path: Path, location: str, entries: dict[str,
 def test_all_faults_are_told_at_once() -> None:
     """Two operators that are not known, one of another set, and a version that is too old."""
     model = made(("LSTM", "obs", "h", {}), ("Loop", "h", "k", {}), ("Fast", "k", "actions", {"domain": "own"}), opset=9)
-    said = r"version 9; expected.*operators 'LSTM', 'Loop', 'Fast' of 'own'; expected one of"
-    with pytest.raises(BundleError, match=said):
+    message = r"version 9; expected.*operators 'LSTM', 'Loop', 'Fast' of 'own'; expected one of"
+    with pytest.raises(BundleError, match=message):
         read_foreign(model.SerializeToString(), "x.onnx")

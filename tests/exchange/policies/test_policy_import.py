@@ -30,8 +30,8 @@ OWN = "control_period: 0.02\naction_clip: none\n"
 def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
     """Scales, clips, histories and gains are the metadata's, the rest is the user's."""
     model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
-    said = written(tmp_path / "own.yaml", OWN)
-    check = import_policy(model, ROBOT, tmp_path / "bundle", [said])
+    settings = written(tmp_path / "own.yaml", OWN)
+    check = import_policy(model, ROBOT, tmp_path / "bundle", [settings])
     contract = check_bundle(tmp_path / "bundle").bundle.contract
     terms = {term.name: term for term in contract.observation.terms}
     assert [*terms] == [
@@ -59,16 +59,16 @@ def test_what_nobody_says_is_asked_for_by_name(tmp_path: Path) -> None:
 
 def full(**changes) -> PolicySpec:
     """Return a policy of which all is said."""
-    said = merged(read_mjlab(MJLAB, "theirs"), read_settings(yaml.safe_load(OWN), "own"))
-    return merged(said, PolicySpec(**changes))
+    spec = merged(read_mjlab(MJLAB, "theirs"), read_settings(yaml.safe_load(OWN), "own"))
+    return merged(spec, PolicySpec(**changes))
 
 
 def test_a_wrong_size_says_what_was_made_of_the_words(tmp_path: Path) -> None:
     """A term too many is the first thing that goes wrong."""
     model = written(tmp_path / "theirs.onnx", network(60, metadata=MJLAB))
-    said = written(tmp_path / "own.yaml", OWN)
+    settings = written(tmp_path / "own.yaml", OWN)
     with pytest.raises(StictionError, match=r"takes 60 numbers.*makes 63 \(angular_velocity 3, projected_gravity 3 x"):
-        import_policy(model, ROBOT, tmp_path / "bundle", [said])
+        import_policy(model, ROBOT, tmp_path / "bundle", [settings])
 
 
 DEPLOY = f"""
@@ -92,12 +92,12 @@ observations:
 
 def test_a_deploy_yaml_by_hand() -> None:
     """The policy's second joint is the maker's first, whose gain is the first; its clip is before the scale."""
-    said = read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS)
-    assert said.joint_names is not None and said.joint_names[:2] == (JOINTS[3], JOINTS[0])
-    assert said.kp == (23, 20, 26, 29, 24, 21, 27, 30, 25, 22, 28, 31)
-    assert said.observation is not None and said.observation[0].bound() == pytest.approx(20.0)
-    assert said.observation[0].history == 5 and said.action_clip == math.inf
-    assert said.clock is not None and (said.clock.period, said.clock.first) == (0.8, 1)
+    spec = read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS)
+    assert spec.joint_names is not None and spec.joint_names[:2] == (JOINTS[3], JOINTS[0])
+    assert spec.kp == (23, 20, 26, 29, 24, 21, 27, 30, 25, 22, 28, 31)
+    assert spec.observation is not None and spec.observation[0].bound() == pytest.approx(20.0)
+    assert spec.observation[0].history == 5 and spec.action_clip == math.inf
+    assert spec.clock is not None and (spec.clock.period, spec.clock.first) == (0.8, 1)
 
 
 @pytest.mark.parametrize("entry", ["", "joint_ids_map: []", "joint_ids_map: 3", "joint_ids_map: [0, 0]"])
@@ -112,8 +112,8 @@ def test_a_deploy_yaml_without_its_joints_is_refused(entry: str, tmp_path: Path)
 def test_a_policy_with_another_order_gets_the_robot_in_its_order() -> None:
     """Joints side by side in place of leg by leg: each stays on its own link, with its own limits."""
     robot = find_robot(ROBOT)
-    said = merged(full(), read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
-    contract = contract_of(said, robot, ("n", b""), "r", "c")
+    spec = merged(full(), read_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
+    contract = contract_of(spec, robot, ("n", b""), "r", "c")
     assert contract.joint_names[:2] == (JOINTS[3], JOINTS[0]) and contract.anatomy is not None
     for name, link in zip(contract.joint_names, contract.anatomy.links, strict=True):
         assert link.origin == robot.links[robot.joint_names.index(name)].origin
@@ -152,10 +152,10 @@ RL_SAR = {
 
 def test_an_rl_sar_config_by_hand() -> None:
     """The policy's first joint is the fourth of the robot's list; six whole frames, the oldest first."""
-    said = read_rl_sar(RL_SAR, "config.yaml")
-    require(said, "config.yaml")
-    assert said.joint_names == JOINTS and said.control_period == pytest.approx(0.02)
-    contract = contract_of(said, find_robot(ROBOT), ("n", b""), "r", "c")
+    spec = read_rl_sar(RL_SAR, "config.yaml")
+    require(spec, "config.yaml")
+    assert spec.joint_names == JOINTS and spec.control_period == pytest.approx(0.02)
+    contract = contract_of(spec, find_robot(ROBOT), ("n", b""), "r", "c")
     layout = contract.observation
     assert (layout.size, layout.layout, layout.direction, layout.fill) == (270, "frame_major", "oldest_first", "zero")
     assert contract.action_scale == (0.125, 0.25, 0.25) * 4 and contract.torque_limit == (33.5,) * 12
@@ -199,9 +199,9 @@ def test_an_import_that_fails_leaves_nothing(tmp_path: Path) -> None:
     held = {"w": constant("w", np.zeros((45, 12), np.float32)), "b": constant("b", np.full(12, 9, np.float32))}
     far = write_network(NetworkFile((Node("Gemm", ("obs", "w", "b"), ("actions",), {}),), held, *ports), 13, 8)
     (tmp_path / "robot.xml").write_text(quad('armature="0.005"', '<position kp="35" forcerange="-30 30"', (-2.0, 2.0)))
-    said = named(tmp_path, kp=35, kd=0, action_scale=0.5, default_position=0)
+    files = named(tmp_path, kp=35, kd=0, action_scale=0.5, default_position=0)
     with pytest.raises(StictionError, match=r"theirs.onnx does not walk.*kp 35 N m/rad and kd 0.*trained with"):
-        import_policy(written(tmp_path / "theirs.onnx", far), str(tmp_path / "robot.xml"), tmp_path / "bundle", said)
+        import_policy(written(tmp_path / "theirs.onnx", far), str(tmp_path / "robot.xml"), tmp_path / "bundle", files)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["own.yaml", "robot.xml", "theirs.onnx"]
 
 
@@ -222,10 +222,10 @@ def test_torque_limits_that_replace_the_robots_are_told(tmp_path: Path) -> None:
     notes: list[str] = []
     model, out = written(tmp_path / "theirs.onnx", network(45)), tmp_path / "bundle"
     check = import_policy(model, ROBOT, out, named(tmp_path, torque_limit=23.5), say=notes.append)
-    said = "23.5 N m at FR_calf_joint and 3 more (of go2 45.43)"
-    assert any("torque limits are" in note and said in note for note in notes)
+    limits = "23.5 N m at FR_calf_joint and 3 more (of go2 45.43)"
+    assert any("torque limits are" in note and limits in note for note in notes)
     card = (out / "card.md").read_text()
-    assert said in card and "| torque limits | 23.5 N m |" in card and "torque limits are the policy's" in card
-    assert said in other_limits([check.bundle])["bundle"]
+    assert limits in card and "| torque limits | 23.5 N m |" in card and "torque limits are the policy's" in card
+    assert limits in other_limits([check.bundle])["bundle"]
     plain = import_policy(model, ROBOT, tmp_path / "plain", named(tmp_path), say=notes.append)
     assert other_limits([plain.bundle]) == {} and "torque limits too" in (tmp_path / "plain" / "card.md").read_text()

@@ -28,7 +28,7 @@ LIMBS = {legs: tuple(f"{leg}_{part}_joint" for leg in order for part in PARTS) f
 LEVELS = tuple(f"{leg}_{part}_joint" for part in PARTS for leg in LEGS["name"])
 
 
-def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> PolicySpec:
+def spec_of(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> PolicySpec:
     """Return the description of a network, with or without metadata, and with our settings."""
     path = written(tmp_path / "net.onnx", network(size, metadata=metadata or None))
     settings = [written(tmp_path / "own.yaml", own)] if own else []
@@ -37,7 +37,7 @@ def said(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = 
 
 def contract(tmp_path: Path, preset: str, size: int, robot: str = "go2", own: str = "", **metadata: str) -> Contract:
     """Return the contract that follows."""
-    return contract_of(said(tmp_path, preset, size, robot, own, **metadata), find_robot(robot), ("n", b""), "r", "c")
+    return contract_of(spec_of(tmp_path, preset, size, robot, own, **metadata), find_robot(robot), ("n", b""), "r", "c")
 
 
 def columns(made: Contract) -> list[tuple[str, list[float], list[float]]]:
@@ -133,7 +133,7 @@ def test_rl_sar_by_hand(tmp_path: Path) -> None:
     assert (set(made.kp), set(made.kd), made.action_clip, set(made.torque_limit)) == ({20.0}, {0.5}, 100.0, {23.5})
     np.testing.assert_allclose(made.standing, [0.0, 0.8, -1.5] * 4)
     with pytest.raises(StictionError, match=r"history.layout: .*; history.direction: [^;]*$"):
-        said(tmp_path, "rl_sar", 90)
+        spec_of(tmp_path, "rl_sar", 90)
 
 
 def test_unitree_by_hand(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_unitree_by_hand(tmp_path: Path) -> None:
 def test_a_size_that_does_not_fit_is_refused(tmp_path: Path, preset: str, size: int, message: str) -> None:
     """One term too many, or a history where the trainer has none; 33840 is a multiple of 48 and of 235."""
     with pytest.raises(StictionError, match=message):
-        said(tmp_path, preset, size)
+        spec_of(tmp_path, preset, size)
 
 
 def test_a_size_of_joints_that_does_not_fit_is_refused(tmp_path: Path) -> None:
@@ -188,7 +188,7 @@ def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
 
 def test_metadata_win_over_the_preset_and_settings_over_both(tmp_path: Path) -> None:
     """Gains of 25 of the metadata, not 15.9; the period of the settings, not 0.02; the clip alone is the preset's."""
-    filled = said(tmp_path, "mjlab", 63, "go1", "control_period: 0.01\nkd: 0.7\n", **MJLAB)
+    filled = spec_of(tmp_path, "mjlab", 63, "go1", "control_period: 0.01\nkd: 0.7\n", **MJLAB)
     assert filled.kp == (25.0,) * 12 and filled.kd == 0.7 and filled.control_period == 0.01
     assert filled.action_clip == math.inf and filled.observation is not None and len(filled.observation) == 6
     assert filled.assumed == {"preset": "mjlab", "assumed": "physics_timestep, action_clip"}
@@ -215,23 +215,23 @@ def test_heights_of_metadata_come_from_the_preset(tmp_path: Path) -> None:
 def test_a_preset_of_another_trainer_is_refused(tmp_path: Path, metadata: dict[str, str], trainer: str) -> None:
     """Rejects a preset of another trainer."""
     with pytest.raises(StictionError, match=f"got isaaclab, and the metadata of net.onnx are {trainer}'s"):
-        said(tmp_path, "isaaclab", 63, **metadata)
+        spec_of(tmp_path, "isaaclab", 63, **metadata)
 
 
 def test_gains_that_a_trainer_does_not_have_are_asked_for(tmp_path: Path) -> None:
     """Isaac Lab's Go1 has an Actuator Net; a shipped robot's gains are ours, and nobody's training."""
     for robot, asked in (("go1", r"--settings: kp: [^;]*; kd: [^;]*$"), ("g1", "kp: .*; kd: .*; default_position")):
         with pytest.raises(StictionError, match=asked):
-            said(tmp_path, "isaaclab", 48, robot)
+            spec_of(tmp_path, "isaaclab", 48, robot)
 
 
 def test_a_robots_own_file_says_its_gains(tmp_path: Path) -> None:
     """The servo has kp 35 and no kd, and a keyframe: mjlab alone has a rule for kd, 2 · 2 · 0.005 · 2π · 10."""
     robot = written(tmp_path / "robot.xml", quad('armature="0.005"', '<position kp="35" forcerange="-30 30"', (-2, 2)))
     with pytest.raises(StictionError, match=r"--settings: kd: derivative gains [^;]*$"):
-        said(tmp_path, "legged_gym", 48, str(robot))
+        spec_of(tmp_path, "legged_gym", 48, str(robot))
     for preset, own, kd, scale in (("mjlab", "", 0.4 * np.pi, 0.25 * 30 / 35), ("isaaclab", "kd: 0.6", 0.6, 0.5)):
-        filled = said(tmp_path, preset, 48, str(robot), own)
+        filled = spec_of(tmp_path, preset, 48, str(robot), own)
         assert filled.kp == 35.0 and isinstance(filled.default_position, dict)
         assert (filled.kd, filled.action_scale) == (pytest.approx(kd), pytest.approx(scale))
 

@@ -31,8 +31,8 @@ def test_a_policy_of_others_walks(robot: str, policy: str, tmp_path: Path) -> No
     """At half a metre a second and without friction: every order, scale, gain and phase is then right."""
     for name in ("holosoma", "holosoma_inference"):
         (tmp_path / name).symlink_to(WHEELS / name)
-    for said in SAID.glob("*.yaml"):
-        shutil.copy(said, tmp_path)
+    for file in SAID.glob("*.yaml"):
+        shutil.copy(file, tmp_path)
     path = MODELS / "loco" / f"{robot}_29dof" / f"{policy}_{robot}_29dof.onnx"
     settings = [tmp_path / f"{robot}-policy.yaml"]
     bundle = import_policy(path, str(tmp_path / f"{robot}.yaml"), tmp_path / "bundle", settings).bundle

@@ -176,9 +176,9 @@ def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bu
     angle = np.where(np.arange(len(record)) < 10, np.radians(59), np.radians(61))
     rolled = np.stack([np.cos(angle / 2), np.sin(angle / 2), *np.zeros((2, len(record)))], -1)
     physics = playback(bundle, replace(record, quaternion=rolled))
-    said = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=3.0))
+    message = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=3.0))
     # 0.185 s: between the ninth and the tenth control step, 37 of 5 ms.
-    assert said.startswith("stand: fell after 0.18")
+    assert message.startswith("stand: fell after 0.18")
 
 
 @pytest.mark.parametrize(

@@ -36,11 +36,11 @@ def export(tmp_path: Path, name: str, **changes) -> Read:
 
 def joints(robot: Read) -> dict[str, tuple[Read, dict[str, Read]]]:
     """Return name of the motor -> parameters of its hinge, and its devices by their types, in the file's order."""
-    found = {}
+    hinges = {}
     for hinge in robot.every("HingeJoint"):
         devices = {device.kind: device for device in hinge["device"]}
-        found[devices["RotationalMotor"]["name"]] = hinge["jointParameters"], devices
-    return found
+        hinges[devices["RotationalMotor"]["name"]] = hinge["jointParameters"], devices
+    return hinges
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -48,9 +48,9 @@ def test_joints_have_their_names_limits_and_damping(name: str, tmp_path: Path) -
     """Every motor has its name, limits and damping."""
     spec = find_robot(name)
     damping = tuple(0.01 * (k + 1) for k in range(spec.num_joints))
-    found = joints(export(tmp_path, name, damping=damping))
-    assert tuple(found) == spec.joint_names
-    for joint, (parameters, devices), b in zip(spec.joints, found.values(), damping, strict=True):
+    hinges = joints(export(tmp_path, name, damping=damping))
+    assert tuple(hinges) == spec.joint_names
+    for joint, (parameters, devices), b in zip(spec.joints, hinges.values(), damping, strict=True):
         assert devices["RotationalMotor"]["maxTorque"] == joint.torque_limit
         assert devices["PositionSensor"]["name"] == f"{joint.name}_sensor"
         assert parameters["dampingConstant"] == b
@@ -80,8 +80,8 @@ def test_friction_is_a_field_for_each_kind_of_joint(name: str, tmp_path: Path) -
     assert [field for field in proto.interface if field.endswith("Friction")] == fields
     bound = [parameters["staticFriction"] for parameters, _ in joints(proto.body).values()]
     assert bound == [Bound(field) for field in fields] * (spec.num_joints // len(fields))
-    given = Read(proto.name, "", {field: float(k) for k, field in enumerate(fields)})
-    torques = [parameters["staticFriction"] for parameters, _ in joints(proto.instance(given)).values()]
+    values = Read(proto.name, "", {field: float(k) for k, field in enumerate(fields)})
+    torques = [parameters["staticFriction"] for parameters, _ in joints(proto.instance(values)).values()]
     assert torques == [float(k) for k in range(len(fields))] * (spec.num_joints // len(fields))
 
 

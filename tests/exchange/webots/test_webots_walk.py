@@ -32,9 +32,9 @@ def robot_of(nodes: list[Read]) -> Read:
 
 def share_reached(project: Exported, nodes: list[Read], physics: Physics, cfg: ControllerCfg) -> float:
     """Return the speed that the controller says it reached, over the commanded one."""
-    said = walk(Robot(robot_of(nodes), 5.0, physics), project.bundle, cfg)
-    assert f"{cfg.command}: done after {cfg.seconds:.2f} s, " in said
-    return float(said.removesuffix(" of it").rsplit(" ", 1)[1])
+    message = walk(Robot(robot_of(nodes), 5.0, physics), project.bundle, cfg)
+    assert f"{cfg.command}: done after {cfg.seconds:.2f} s, " in message
+    return float(message.removesuffix(" of it").rsplit(" ", 1)[1])
 
 
 class MujocoPhysics:

@@ -53,6 +53,6 @@ def test_a_joint_that_never_moves_tells_nothing() -> None:
 def test_gravity_can_be_told_from_an_offset() -> None:
     """Two more parameters, known to less than a tenth, in a motion of ±1 rad; the sum of the others' stays finite."""
     values = np.array([0.02, 0.07, 0.2, 0.0, 1.0, 0.3])
-    found = information(values, GAINS, 1 / RATE, swing(0.5, 1.0), (1e-4, 0.05))
-    assert found.names[4:] == ("gravity_sin", "gravity_cos")
-    assert (found.std[4:] < 0.1 * values[4:]).all() and np.isfinite(found.covariance).all()
+    info = information(values, GAINS, 1 / RATE, swing(0.5, 1.0), (1e-4, 0.05))
+    assert info.names[4:] == ("gravity_sin", "gravity_cos")
+    assert (info.std[4:] < 0.1 * values[4:]).all() and np.isfinite(info.covariance).all()

@@ -46,16 +46,16 @@ def test_predicted_deviations_are_those_of_estimates_from_simulated_logs(made: E
         return np.concatenate([run.position / 1e-4, run.torque / 0.05])
 
     clean, rng = signals(truth), np.random.default_rng(1)
-    found = []
+    estimates = []
     for _ in range(LOGS):
         logged = clean + rng.standard_normal(len(clean))
         begin = truth + 30 * scale * rng.standard_normal(4)
         fit = least_squares(
             lambda x, begin=begin, logged=logged: signals(begin + x * scale) - logged, np.zeros(4), diff_step=0.1
         )
-        found.append(begin + fit.x * scale)
-    assert np.std(found, axis=0) / scale == pytest.approx(np.ones(4), abs=0.3)
-    assert np.abs(np.mean(found, axis=0) - truth) == pytest.approx(np.zeros(4), abs=0.5 * scale.max())
+        estimates.append(begin + fit.x * scale)
+    assert np.std(estimates, axis=0) / scale == pytest.approx(np.ones(4), abs=0.3)
+    assert np.abs(np.mean(estimates, axis=0) - truth) == pytest.approx(np.zeros(4), abs=0.5 * scale.max())
 
 
 def test_limits_hold_for_every_joint_that_was_thought_possible(made: Excitation, task: Task) -> None:
@@ -111,18 +111,18 @@ def test_gains_are_lowered_only_where_the_joint_still_tracks(made: Excitation) -
 
 
 @pytest.mark.parametrize(
-    ("kp", "spread", "said"),
+    ("kp", "spread", "message"),
     [
         (2.0, 2.0, r"friction of 2 N m.*dead band at kp 2 is 1 rad.*raise --kp above 3.7, or"),
         (5.0, 2.0, r"--spread 2 allows for friction of 4 N m.*kp 5 is 0.8 rad.*above 7.41, lower --spread, or"),
     ],
 )
 def test_friction_that_holds_the_joint_is_refused_with_the_gain_that_would_do(
-    kp: float, spread: float, said: str
+    kp: float, spread: float, message: str
 ) -> None:
     """Friction of 2 N m, perhaps 4, against kp × 0.54 rad."""
     setup = ExciteSetup(kp=kp, coulomb=2.0, torque_limit=45.0, spread=spread)
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         design_excitation(setup.filled(), "shank", "")
 
 

@@ -19,7 +19,7 @@ def test_a_robot_fills_in_what_the_user_left_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"position_limits": (0.6, -0.6)}, "--position-limits 0.6 -0.6"),
         ({"kp": float("nan")}, "--kp nan"),
@@ -30,8 +30,8 @@ def test_a_robot_fills_in_what_the_user_left_out() -> None:
         ({"duration": 1.0}, "at least 50 Hz and 4 s"),
     ],
 )
-def test_what_no_joint_controller_or_log_has_is_refused(wrong: dict, said: str) -> None:
+def test_what_no_joint_controller_or_log_has_is_refused(wrong: dict, message: str) -> None:
     """Rejects a flag in one line, with its name and value."""
     with pytest.raises(StictionError) as caught:
         replace(ExciteSetup(), **wrong).filled()
-    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "\n" not in str(caught.value)

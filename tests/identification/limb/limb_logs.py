@@ -99,12 +99,12 @@ def sines(limb: Limb, seconds: float, rng: np.random.Generator) -> np.ndarray:
     """Return targets at the control steps [rad], (steps, J): three sines a joint, none of a common frequency."""
     time = np.arange(round(seconds / STEP)) * STEP
     count = len(limb.centre)
-    found = np.empty((len(time), count))
+    angles = np.empty((len(time), count))
     for joint in range(count):
         frequencies, phases = rng.uniform(0.15, 1.1, 3), rng.uniform(0, 2 * np.pi, 3)
         shares = rng.dirichlet([2.0, 2.0, 2.0]) * limb.reach[joint]
-        found[:, joint] = limb.centre[joint] + np.sin(2 * np.pi * np.outer(time, frequencies) + phases) @ shares
-    return found
+        angles[:, joint] = limb.centre[joint] + np.sin(2 * np.pi * np.outer(time, frequencies) + phases) @ shares
+    return angles
 
 
 def _correlated(rng: np.random.Generator, shape: tuple[int, ...], memory: float) -> np.ndarray:
@@ -178,12 +178,12 @@ def limb_logs(
     resolution = 2 * np.pi / 2**16
     position = np.round(position / resolution) * resolution
     torque = made["actuator_force"]
-    found = []
+    logs = []
     for row, (rng, truth) in enumerate(zip(rngs, truths)):
         sensed = torque[row] + truth.offset
         sensed += noise * 0.003 * limits * (rng.standard_normal(shape) + _correlated(rng, shape, 20.0))
-        found.append((_log(limb, names, targets[row], position[row], sensed, limits), truth))
-    return found
+        logs.append((_log(limb, names, targets[row], position[row], sensed, limits), truth))
+    return logs
 
 
 def _log(

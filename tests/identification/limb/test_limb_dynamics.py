@@ -34,16 +34,16 @@ def motion(joints: int, seed: int = 0, samples: int = 50) -> tuple[np.ndarray, n
 def test_a_pendulum_is_the_formula_on_paper() -> None:
     """(I + m r²) θ'' + m g r sin θ = 0.6 θ'' + 9.81 sin θ, whatever the speed."""
     position, velocity, acceleration = motion(1)
-    found = model_torques(pendulum(), position, velocity, acceleration)
-    np.testing.assert_allclose(found, 0.6 * acceleration + 9.81 * np.sin(position), atol=1e-12)
+    torques = model_torques(pendulum(), position, velocity, acceleration)
+    np.testing.assert_allclose(torques, 0.6 * acceleration + 9.81 * np.sin(position), atol=1e-12)
     np.testing.assert_allclose(joint_inertia(pendulum().links, np.array([0.3])), [0.6], atol=1e-12)
 
 
 def test_turning_the_base_turns_gravity() -> None:
     """With up along x the pendulum hangs at a quarter turn; a direction of no length is refused."""
     still = np.zeros((1, 1))
-    found = model_torques(pendulum().with_up((2.0, 0.0, 0.0)), still, still, still)
-    assert abs(abs(found[0, 0]) - 9.81) < 1e-12
+    torques = model_torques(pendulum().with_up((2.0, 0.0, 0.0)), still, still, still)
+    assert abs(abs(torques[0, 0]) - 9.81) < 1e-12
 
 
 def test_two_links_in_a_plane_are_the_textbook() -> None:
@@ -74,8 +74,8 @@ def test_arms_are_as_mujoco_has_them(name: str) -> None:
         data.qpos[hinges], data.qvel[hinges], data.qacc[hinges] = q[sample], v[sample], a[sample]
         mujoco.mj_inverse(model, data)
         expected.append(data.qfrc_inverse[hinges] - model.dof_armature[hinges] * a[sample])
-    found = model_torques(load_mechanism(HERE / name), q, v, a)
-    np.testing.assert_allclose(found, expected, atol=1e-10)
+    torques = model_torques(load_mechanism(HERE / name), q, v, a)
+    np.testing.assert_allclose(torques, expected, atol=1e-10)
 
 
 def test_errors_of_a_link_are_what_a_wrong_link_does() -> None:

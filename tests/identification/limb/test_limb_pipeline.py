@@ -35,12 +35,12 @@ def planar() -> Mechanism:
 
 def sines(phase: float, quick: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return an angle with its speed and acceleration, exactly."""
-    found = np.zeros((3, len(TIME)))
+    motion = np.zeros((3, len(TIME)))
     for size, frequency in ((0.5, 0.4 * quick), (0.25, 0.93 * quick)):
         pace = 2 * np.pi * frequency
         angle = pace * TIME + phase * frequency
-        found += size * np.stack([np.sin(angle), pace * np.cos(angle), -(pace**2) * np.sin(angle)])
-    return found[0], found[1], found[2]
+        motion += size * np.stack([np.sin(angle), pace * np.cos(angle), -(pace**2) * np.sin(angle)])
+    return motion[0], motion[1], motion[2]
 
 
 def own_torque(joint: int, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -84,12 +84,12 @@ def check_joint(joints: JointsFile, name: str, number: int, tolerance: float = 0
 
 def test_one_joint_is_a_pendulum() -> None:
     """Friction of 1.2 N m under a weight of 9.81 N m; its ratio is to the log's limit of 10, not the model's of 12."""
-    found = identify_limb(pendulum_log(), pendulum())
-    check_joint(found.joints, "hinge", 0)
-    record = found.joints.joints["hinge"]
+    result = identify_limb(pendulum_log(), pendulum())
+    check_joint(result.joints, "hinge", 0)
+    record = result.joints.joints["hinge"]
     assert record.friction_ratio is not None and record.friction_ratio.value == pytest.approx(0.12, rel=0.02)
     assert record.diagnostics["link_mass_errors"]["hinge"]["value"] == pytest.approx(0.0, abs=0.03)
-    fit = found.signals["hinge"]
+    fit = result.signals["hinge"]
     used = fit.used > 0
     assert np.abs(fit.torque - fit.fitted_torque)[used].max() < 0.05
 
@@ -97,9 +97,9 @@ def test_one_joint_is_a_pendulum() -> None:
 def test_a_link_a_fifth_too_heavy_is_found_and_friction_stays() -> None:
     """The lower link weighs 0.96 kg: its error is estimated; a model trusted to a thousandth gets a warning."""
     log = planar_log(0.96)
-    found = identify_limb(log, planar()).joints
-    check_joint(found, "b", 1)
-    errors = found.joints["b"].diagnostics["link_mass_errors"]
+    joints = identify_limb(log, planar()).joints
+    check_joint(joints, "b", 1)
+    errors = joints.joints["b"].diagnostics["link_mass_errors"]
     assert errors["b"]["value"] == pytest.approx(0.2, abs=0.08)
     trusted = identify_limb(log, planar(), setup=LimbSetup(model_error=0.001)).joints.joints["b"]
     rotor = trusted.combinations[ARMATURE]
@@ -124,9 +124,9 @@ def test_a_joint_that_stands_still_is_refused_by_name() -> None:
     q, v, a = sines(0.3)
     alone = (1.5 * 0.16 + 0.01 + 0.8 * (0.16 + 2 * 0.12 * np.cos(0.3) + 0.09) + 0.01) * a + own_torque(0, v, a)
     joints = {"a": JointSignals(position=q, torque=alone), "b": still}
-    found = identify_limb(replace(log, joints=joints), planar()).joints
-    check_joint(found, "a", 0)
-    assert found.joints["b"].coulomb_friction is None and "'b'" in found.joints["b"].warnings[0]
+    result = identify_limb(replace(log, joints=joints), planar()).joints
+    check_joint(result, "a", 0)
+    assert result.joints["b"].coulomb_friction is None and "'b'" in result.joints["b"].warnings[0]
     held = replace(planar(), rest=(0.0, 0.3))
     only = identify_limb(replace(log, joints={"a": joints["a"]}), held).joints
     check_joint(only, "a", 0)
@@ -138,8 +138,8 @@ def test_names_go_by_the_map_and_the_suffix() -> None:
     log, arm = planar_log(), replace(planar(), joint_names=("a_joint", "elbow"))
     with pytest.raises(LogError, match=r"unknown joint 'b'.*--joint-map b=JOINT"):
         identify_limb(log, arm)
-    found = identify_limb(log, arm, setup=LimbSetup(joint_map=("b=elbow",)))
-    check_joint(found.joints, "elbow", 1)
+    result = identify_limb(log, arm, setup=LimbSetup(joint_map=("b=elbow",)))
+    check_joint(result.joints, "elbow", 1)
     with pytest.raises(LogError, match="two joints of the log"):
         identify_limb(log, arm, setup=LimbSetup(joint_map=("b=a_joint",)))
     with pytest.raises(LogError, match="unknown joint of the log 'c'"):
@@ -164,7 +164,7 @@ def test_without_torque_the_motors_strength_must_be_declared() -> None:
 
 
 @pytest.mark.parametrize(
-    ("declared", "setup", "said"),
+    ("declared", "setup", "message"),
     [
         (IdentifySetup(gravity=True), LimbSetup(), "gravity is for a single joint"),
         (IdentifySetup(payload_mass=1.0), LimbSetup(), "payload mass is for a single joint"),
@@ -175,9 +175,9 @@ def test_without_torque_the_motors_strength_must_be_declared() -> None:
         (IdentifySetup(), LimbSetup(joint_map=("a",)), "expected RECORDED=MODEL"),
     ],
 )
-def test_what_has_no_meaning_for_a_limb_is_refused(declared: IdentifySetup, setup: LimbSetup, said: str) -> None:
+def test_what_has_no_meaning_for_a_limb_is_refused(declared: IdentifySetup, setup: LimbSetup, message: str) -> None:
     """Rejects flags without effect."""
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=message):
         identify_limb(pendulum_log(), pendulum(), declared, setup)
 
 

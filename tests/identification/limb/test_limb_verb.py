@@ -31,8 +31,8 @@ def test_a_log_and_a_robot_give_friction_of_every_joint(
     """All six within a quarter, the error that was admitted said with the answer, and a page."""
     log, truth = arm
     assert main(["identify", str(log), "--robot", ARM6.robot, "--out", str(tmp_path)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "wrist_3" in said and "off by 10%" in said and "--model-error" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "wrist_3" in output and "off by 10%" in output and "--model-error" in output
     assert {path.name for path in tmp_path.iterdir()} == set(RESULTS)
     joints = load_joints(tmp_path / "joints.json").joints
     for record, friction, rotor in zip(joints.values(), truth.coulomb_friction, truth.armature, strict=True):
@@ -53,7 +53,7 @@ def test_alone_the_joints_are_wrong_and_a_word_is_said(
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("flags", "message"),
     [
         (["--robot", "none.xml"], "there is no such"),
         (["--robot", "go3"], "unknown robot 'go3'"),
@@ -63,12 +63,12 @@ def test_alone_the_joints_are_wrong_and_a_word_is_said(
     ],
 )
 def test_what_a_user_can_mend_is_one_line(
-    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture, flags: list[str], said: str
+    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture, flags: list[str], message: str
 ) -> None:
     """Status 1, one line on standard error, nothing written."""
     assert main(["identify", str(arm[0]), *flags, "--out", str(tmp_path / "out")]) == 1
     captured = capsys.readouterr()
-    assert said in captured.err and captured.err.count("\n") == 1 and not captured.out
+    assert message in captured.err and captured.err.count("\n") == 1 and not captured.out
     assert not (tmp_path / "out").exists()
 
 

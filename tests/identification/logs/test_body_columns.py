@@ -80,13 +80,13 @@ def test_a_mapping_goes_first_and_knows_every_role(tmp_path: Path) -> None:
     write_csv(tmp_path / "walk.csv", table)
     words = ("quaternion=qw,qx,qy,qz", "gyroscope=rate0,rate1,rate2", "accelerometer=f_", "foot_force=foot")
     expect(open_log(tmp_path / "walk.csv", parse_columns(words), body=True))
-    for word, said in (
+    for word, message in (
         ("quaternion=qw,qx,qy", "names 3 columns; expected different ones, w x y z"),
         ("gyroscope=rate0,rate0,rate1", "names 3 columns; expected different ones, x y z"),
         ("gyroscope=rate0,rate1,rates", "no column 'rates' for gyroscope; the columns are"),
         ("accelerometer=g_", "no columns of accelerometer=g_; the columns are"),
     ):
-        with pytest.raises(LogError, match=said):
+        with pytest.raises(LogError, match=message):
             open_log(tmp_path / "walk.csv", parse_columns((word,)), body=True)
     with pytest.raises(LogError, match=r"accelerometer= is of a walking robot's body; .* identify walk"):
         open_log(tmp_path / "walk.csv", parse_columns(words))

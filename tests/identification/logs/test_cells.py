@@ -14,7 +14,7 @@ STEPS = np.arange(50.0)
 
 
 @pytest.mark.parametrize(
-    ("stamps", "name", "step", "said"),
+    ("stamps", "name", "step", "message"),
     [
         (0.002 * STEPS, "time", 0.002, ""),
         (0.08 * STEPS, "time", 0.08, ""),  # 12 Hz in seconds, never 12 kHz in milliseconds
@@ -30,11 +30,11 @@ STEPS = np.arange(50.0)
         (1e9 * STEPS, "time", 1e9, ""),
     ],
 )
-def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step: float, said: str) -> None:
+def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step: float, message: str) -> None:
     """An ambiguous unit is left to the user."""
     time, _, notes = seconds(stamps, name, None)
     assert time[1] - time[0] == pytest.approx(step)
-    assert (said in notes[0]) if said else not notes
+    assert (message in notes[0]) if message else not notes
 
 
 def log(time: np.ndarray, source: str = "x", **signals: np.ndarray) -> Log:
@@ -44,9 +44,9 @@ def log(time: np.ndarray, source: str = "x", **signals: np.ndarray) -> Log:
 
 def test_a_part_of_a_log() -> None:
     """From the first stamp, both ends included."""
-    found = cut(log(10 + 0.5 * STEPS, position=STEPS), 1.0, 2.0)
-    np.testing.assert_array_equal(found.joints["a"].position, [2, 3, 4])
-    assert found.notes == ("3 of 50 samples are used, from 1 to 2 s",)
+    part = cut(log(10 + 0.5 * STEPS, position=STEPS), 1.0, 2.0)
+    np.testing.assert_array_equal(part.joints["a"].position, [2, 3, 4])
+    assert part.notes == ("3 of 50 samples are used, from 1 to 2 s",)
     with pytest.raises(LogError, match=r"nothing between 30 and inf s; the log goes from 0 to 24\.5 s"):
         cut(log(0.5 * STEPS, position=STEPS), 30.0, None)
 
@@ -54,7 +54,7 @@ def test_a_part_of_a_log() -> None:
 def test_empty_cells() -> None:
     """A target is held from its row, a torque interpolated between its rows, a row without position left out."""
     gap = np.nan
-    found = complete_rows(
+    result = complete_rows(
         log(
             np.arange(6.0),
             position=np.array([gap, 1.0, 2.0, gap, 4.0, 5.0]),
@@ -62,11 +62,11 @@ def test_empty_cells() -> None:
             torque=np.array([0.0, gap, 20.0, 30.0, gap, gap]),
         )
     )
-    signals = found.joints["a"]
-    np.testing.assert_array_equal(found.time, [1, 2])
+    signals = result.joints["a"]
+    np.testing.assert_array_equal(result.time, [1, 2])
     np.testing.assert_array_equal(signals.target, [7, 7])
     np.testing.assert_array_equal(signals.torque, [10, 20])
-    assert found.notes[0].startswith("4 of 6 rows have empty cells") and "target stands in other" in found.notes[0]
+    assert result.notes[0].startswith("4 of 6 rows have empty cells") and "target stands in other" in result.notes[0]
     with pytest.raises(LogError, match="0 of 2 rows have a time and the position of every joint"):
         complete_rows(log(np.arange(2.0), position=np.full(2, gap)))
 

@@ -38,7 +38,7 @@ REASONS = {
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
+def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
     """Return the output of one process with bounded memory and processor time for every attack."""
     folder = tmp_path_factory.mktemp("log_attacks")
     paths = {}
@@ -50,11 +50,11 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
 
 
 @pytest.mark.parametrize("name", log_attacks.ATTACKS)
-def test_an_attack_is_refused_in_one_line(said: dict[str, dict], name: str) -> None:
+def test_an_attack_is_refused_in_one_line(outcomes: dict[str, dict], name: str) -> None:
     """The reader rejects an attack before it allocates memory."""
-    found = said[name]
-    assert REASONS[name] in found["said"] and "\n" not in found["said"] and "not enough memory" not in found["said"]
-    assert found["grown"] < log_attacks.MEMORY / 2 + 2 * found["size"], found
+    case = outcomes[name]
+    assert REASONS[name] in case["error"] and "\n" not in case["error"] and "not enough memory" not in case["error"]
+    assert case["grown"] < log_attacks.MEMORY / 2 + 2 * case["size"], case
 
 
 def stiction(*arguments: str, limit: int | None = None) -> subprocess.CompletedProcess:

@@ -36,7 +36,7 @@ def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda data: b"hello", "not a MATLAB 5.0 file"),
         (lambda data: data[:126] + b"XX" + data[128:], "damaged MATLAB file"),
@@ -48,10 +48,10 @@ def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) 
         (lambda data: data.replace(b"\x32\0\0\0", b"\x31\0\0\0", 1), "damaged MATLAB file"),
     ],
 )
-def test_damage_is_refused(tmp_path: Path, change: object, said: str) -> None:
+def test_damage_is_refused(tmp_path: Path, change: object, message: str) -> None:
     """Sizes, dimensions and the number of bytes must agree."""
     savemat(tmp_path / "x.mat", {"t": np.arange(50.0) + 0.5, "q": np.arange(50.0)}, do_compression=False)
     path = tmp_path / "x.mat"
     path.write_bytes(change(path.read_bytes()))  # type: ignore[operator]
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         read_mat(path)

@@ -26,9 +26,9 @@ def kept(rows: np.ndarray, which: np.ndarray) -> np.ndarray:
 
 def column(rows: np.ndarray, index: int, values: Any) -> np.ndarray:
     """Return rows with another column."""
-    found = np.array(rows)
-    found[:, index] = values
-    return found
+    copy = np.array(rows)
+    copy[:, index] = values
+    return copy
 
 
 def uneven(gaps: Callable[[np.random.Generator, int], np.ndarray]) -> np.ndarray:
@@ -107,12 +107,12 @@ READINGS: dict[str, tuple[Callable[[], np.ndarray], str]] = {
 @pytest.mark.parametrize("case", [*STAMPS, *READINGS])
 def test_the_friction_is_right_and_the_oddity_is_said(tmp_path: Path, case: str) -> None:
     """Gives friction within 2 % and inertia within 1 % of the truth, and one sentence on the log."""
-    made, said = (STAMPS | READINGS)[case]
+    made, warning = (STAMPS | READINGS)[case]
     log = stiction.load_log(table(tmp_path / "log.csv", made()))
-    found = stiction.identify(log, **DECLARED)
-    assert found["j"].coulomb_friction.value == pytest.approx(FRICTION, rel=0.02)
-    assert found["j"].inertia.value == pytest.approx(INERTIA, rel=0.01)
-    assert said in " ".join(found.warnings)
+    result = stiction.identify(log, **DECLARED)
+    assert result["j"].coulomb_friction.value == pytest.approx(FRICTION, rel=0.02)
+    assert result["j"].inertia.value == pytest.approx(INERTIA, rel=0.01)
+    assert warning in " ".join(result.warnings)
 
 
 def test_slow_readings_give_what_an_even_log_of_them_gives() -> None:
@@ -174,9 +174,9 @@ def titled(header: str, scales: tuple[float, ...] = (1, 1, 1, 1)) -> Callable[[P
 
 def wrapped(rows: np.ndarray, turn: float, low: float) -> np.ndarray:
     """Return rows whose angles are from `low` to `low` and a turn, and pass there."""
-    found = np.array(rows)
-    found[:, 1:3] = np.mod(rows[:, 1:3] + 0.1, turn) + low
-    return found
+    copy = np.array(rows)
+    copy[:, 1:3] = np.mod(rows[:, 1:3] + 0.1, turn) + low
+    return copy
 
 
 DEG = np.rad2deg(1.0)
@@ -248,9 +248,9 @@ def test_a_table_is_read_as_it_is_meant(tmp_path: Path, case: str) -> None:
 
 def replaced(rows: np.ndarray, which: np.ndarray, values: Any, columns: tuple[int, ...] = (1,)) -> np.ndarray:
     """Return rows of which some have other values in some columns; the joint is at 0.8 rad and more."""
-    found = rows + np.array([0, 1.5, 1.5, 0])
-    found[np.ix_(which, columns)] = values
-    return found
+    copy = rows + np.array([0, 1.5, 1.5, 0])
+    copy[np.ix_(which, columns)] = values
+    return copy
 
 
 LEFT_OUT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, str]] = {
@@ -283,11 +283,11 @@ LEFT_OUT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, str]] 
 @pytest.mark.parametrize("case", LEFT_OUT)
 def test_rows_without_a_reading_are_left_out_and_said(tmp_path: Path, case: str) -> None:
     """Leaves out exactly the rows that were no readings."""
-    made, gone, said = LEFT_OUT[case]
+    made, gone, note = LEFT_OUT[case]
     rows = log_rows()[:2500]
     log = stiction.load_log(table(tmp_path / "log.csv", made(rows)))
     np.testing.assert_allclose(log.time, np.delete(rows[:, 0], gone), atol=1e-9)
-    assert said in " ".join(log.notes)
+    assert note in " ".join(log.notes)
 
 
 def test_a_joint_at_rest_in_a_simulation_keeps_its_rows(tmp_path: Path) -> None:
@@ -328,8 +328,8 @@ BURST = np.tile(np.arange(20) * 2e-5, 400)
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_used_is_told_what_to_do(tmp_path: Path, case: str) -> None:
     """The error names the fault of the log and the remedy in one sentence."""
-    made, said = REFUSED[case]
-    with pytest.raises(StictionError, match=said) as caught:
+    made, message = REFUSED[case]
+    with pytest.raises(StictionError, match=message) as caught:
         stiction.identify(made(tmp_path / "log.csv", log_rows()), **DECLARED)
     assert "\n" not in str(caught.value)
 
@@ -341,7 +341,7 @@ def test_short_runs_are_pooled() -> None:
         stiction.from_arrays(time=t - t[0], position={"j": q}, target={"j": a}, torque={"j": u})
         for t, q, a, u in (rows[i * 150 : (i + 1) * 150].T for i in range(6))
     ]
-    found = stiction.identify(*logs, **DECLARED)
-    assert found["j"].coulomb_friction.value == pytest.approx(FRICTION, rel=0.03)
+    result = stiction.identify(*logs, **DECLARED)
+    assert result["j"].coulomb_friction.value == pytest.approx(FRICTION, rel=0.03)
     with pytest.raises(LogError, match="150 samples"):
         stiction.identify(logs[0], **DECLARED)

@@ -71,7 +71,7 @@ def test_nothing_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pl
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ([torch.zeros(3)], "instruction EMPTY_LIST"),
         ({"time": np.zeros(3)}, "a call of .*only a dictionary of tensors"),
@@ -82,9 +82,9 @@ def test_nothing_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pl
         ({"time": torch.zeros(9), "q": torch.zeros(9, 2)}, "no column position"),
     ],
 )
-def test_other_contents_are_refused(tmp_path: Path, content: object, said: str) -> None:
+def test_other_contents_are_refused(tmp_path: Path, content: object, message: str) -> None:
     """The message names the content in place of tensors."""
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         open_log(saved(tmp_path, content))
 
 

@@ -35,10 +35,10 @@ def test_what_is_guessed_can_be_read_and_is_said(tmp_path: Path, capsys: pytest.
     torque = np.clip(20 * (target - position) - 0.5 * velocity, -5.0, 5.0)
     path = table(tmp_path, "stamp,q,q_des,tau,dq", time, position, target, torque, velocity)
     assert main(["identify", str(path), "--init"]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     data = json.loads((tmp_path / "log.json").read_text())
     assert data["columns"] == {"time": "stamp", "position": "q", "target": "q_des", "torque": "tau", "velocity": "dq"}
-    assert data["torque_limit"] == 5.0 and "torque_limit of joint" in said
+    assert data["torque_limit"] == 5.0 and "torque_limit of joint" in output
     assert data["kp"] is None and data["test_condition"] is None
     log = open_log(path)
     assert list(log.joints) == ["joint"] and log.setup.torque_limit == 5.0 and log.setup.kp is None
@@ -50,10 +50,10 @@ def test_currents_degrees_and_numbered_joints(tmp_path: Path) -> None:
     """A current is not calibrated, hundreds are degrees, joint_0 wants a name."""
     wave = 90 * np.sin(np.arange(COUNT) / 20)
     path = table(tmp_path, "time,pos1,pos2,current1,current2", 0.002 * np.arange(COUNT), wave, wave, wave, wave)
-    data, said = propose(path)
+    data, notes = propose(path)
     assert data["torque_calibrated"] is False and data["position_scale"] == 0.0174533
     assert data["names"] == ["joint_1", "joint_2"] and data["columns"]["position"] == "pos{joint}"
-    assert set(data["joints"]) == {"joint_1", "joint_2"} and len(said) == 4, said
+    assert set(data["joints"]) == {"joint_1", "joint_2"} and len(notes) == 4, notes
     path.with_suffix(".json").write_text(json.dumps(data))
     assert read_setup(path).of_joint("joint_2").position_scale == 0.0174533
 
@@ -63,9 +63,9 @@ def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
     time = 0.002 * np.arange(COUNT)
     wave = np.sin(9 * time)
     path = table(tmp_path, "time,q,q_des,pwm", time, wave, wave + 0.1, np.full(COUNT, 2.0) * np.cos(9 * time))
-    said = write_sidecar(path)
+    text = write_sidecar(path)
     data = json.loads((tmp_path / "log.json").read_text())
-    assert data["torque_column"] == "duty" and "pwm is taken for a duty" in said and "torque_scale 0.01" in said
+    assert data["torque_column"] == "duty" and "pwm is taken for a duty" in text and "torque_scale 0.01" in text
     fields = ("duty_voltage", "kt", "resistance", "ke", "pendulum_mass", "pendulum_length", "pendulum_angle", "kp")
     assert all(name in data and data[name] is None for name in fields)
     with pytest.raises(ConfigurationError, match="--duty-voltage"):
@@ -94,8 +94,8 @@ def test_guesses_are_in_the_units_that_were_declared(tmp_path: Path) -> None:
     degrees = 180 / np.pi
     names = "time,position,target,velocity,torque"
     columns = (time, *(degrees * one for one in (position, target, velocity)), -2 * torque)
-    data, said = propose(table(tmp_path, names, *columns), LogSetup(torque_scale=-0.5))
+    data, notes = propose(table(tmp_path, names, *columns), LogSetup(torque_scale=-0.5))
     assert data["position_scale"] == 0.0174533 and data["torque_scale"] == -0.5 and "joints" not in data
-    assert (data["kp"], data["kd"]) == pytest.approx((20, 0.5), rel=1e-2) and any("kp of" in line for line in said)
+    assert (data["kp"], data["kd"]) == pytest.approx((20, 0.5), rel=1e-2) and any("kp of" in line for line in notes)
     clipped = (time, position, target, velocity, np.clip(torque, -5, 5) / 3)
     assert propose(table(tmp_path, names, *clipped), LogSetup(torque_scale=3.0))[0]["torque_limit"] == 5.0

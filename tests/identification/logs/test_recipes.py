@@ -87,10 +87,10 @@ def test_what_is_not_read_is_told_the_nearest_way_in(tmp_path: Path, case: tuple
     """One line, status 1, and a thing to do."""
     _, write, command = case
     write(tmp_path)
-    status, said = strangers.run(tmp_path, command)
+    status, output = strangers.run(tmp_path, command)
     ways = ("rostopic", "numpy.savez", "save it as CSV", "give the log", ".parquet file", "--time-scale")
     ways += ("--torque-scale", "position=NAME")
-    assert status == 1 and any(way in said for way in ways), said
+    assert status == 1 and any(way in output for way in ways), output
 
 
 def test_the_table_is_of_these_commands() -> None:

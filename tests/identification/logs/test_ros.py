@@ -83,7 +83,7 @@ def test_trajectories_of_one_point_are_commands(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sent", "said"),
+    ("sent", "message"),
     [
         ([], "no topic of sensor_msgs"),
         (states(position=[]), "have no positions"),
@@ -95,9 +95,9 @@ def test_trajectories_of_one_point_are_commands(tmp_path: Path) -> None:
         ([*states(), ("/cmd", STATE, START + 10**9, logfiles.state(START + 10**9, ["a"], [1.0]))], "older"),
     ],
 )
-def test_what_does_not_fit_is_refused(tmp_path: Path, sent: list[logfiles.Sent], said: str) -> None:
+def test_what_does_not_fit_is_refused(tmp_path: Path, sent: list[logfiles.Sent], message: str) -> None:
     """One line that names the topic and the trouble."""
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(LogError, match=message):
         open_log(logfiles.mcap(tmp_path / "x.mcap", sent))
 
 

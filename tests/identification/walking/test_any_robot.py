@@ -52,18 +52,18 @@ def friction_of(spec: Robot) -> dict[str, tuple[float, float, float]]:
 def test_friction_under_load_is_found_on_any_legs(spec: Robot, order: list[list[int]], tmp_path: Path) -> None:
     """Balls and soles, two, three and six joints a leg: masses, centres, Jacobians and what joints do not feel."""
     friction = friction_of(spec)
-    found = identify_walk(Walk(balanced.walk(spec, order, friction), spec, WalkSetup(mass_known=True)))
-    assert found.load.refusal == ""
+    result = identify_walk(Walk(balanced.walk(spec, order, friction), spec, WalkSetup(mass_known=True)))
+    assert result.load.refusal == ""
     for kind, truth in friction.items():
         law = [
-            found.load.laws[kind][name].value for name in ("viscous_friction", "coulomb_friction", "load_coefficient")
+            result.load.laws[kind][name].value for name in ("viscous_friction", "coulomb_friction", "load_coefficient")
         ]
         np.testing.assert_allclose(law, truth, rtol=1e-5)
         armature = spec.joints[spec.joints_of(kind)[0]].armature
-        assert found.load.laws[kind]["armature"].value == pytest.approx(armature, rel=1e-5)
-    assert {record.diagnostics["kind"] for record in found.joints.joints.values()} == set(spec.joint_kinds)
-    found.joints.write(tmp_path / "joints.json")
-    write_walk_fit(tmp_path / "fit.npz", found.fit)
+        assert result.load.laws[kind]["armature"].value == pytest.approx(armature, rel=1e-5)
+    assert {record.diagnostics["kind"] for record in result.joints.joints.values()} == set(spec.joint_kinds)
+    result.joints.write(tmp_path / "joints.json")
+    write_walk_fit(tmp_path / "fit.npz", result.fit)
     assert all(f">{kind}</t" in write_walking_page(tmp_path).read_text() for kind in spec.joint_kinds)
 
 

@@ -53,7 +53,7 @@ def base(force: tuple[float, ...] = (0, 0, 0), spin: tuple[float, ...] = (0, 0, 
 
 def test_links_are_held_against_their_weight() -> None:
     """The holding torque is the slope of the potential energy g Σ m z by each angle."""
-    found, whole = effort(base((0, 0, G)), ANGLES)
+    torques, whole = effort(base((0, 0, G)), ANGLES)
     knee, foot = np.sin(ANGLES[1]), np.sin(ANGLES[1] + ANGLES[2])
     torque = G * np.array(
         [
@@ -62,30 +62,30 @@ def test_links_are_held_against_their_weight() -> None:
             SHANK * LOWER / 2 * foot,
         ]
     )
-    np.testing.assert_allclose(found, np.tile(torque, (1, len(BOXES.legs))), atol=1e-9)
+    np.testing.assert_allclose(torques, np.tile(torque, (1, len(BOXES.legs))), atol=1e-9)
     mass = len(BOXES.legs) * (HIP + THIGH + SHANK)
     np.testing.assert_allclose(whole[0, :3], [0, 0, mass * G], atol=1e-9)
 
 
 def test_a_shank_that_speeds_up_by_hand() -> None:
     """1 rad/s² of the shank alone: its inertia about the knee, and nothing of the rotor, of damping or of friction."""
-    found, _ = effort(base(), np.zeros(3), (0.0, 0.0, 1.0))
+    torques, _ = effort(base(), np.zeros(3), (0.0, 0.0, 1.0))
     x, _, z = BOXES.shank_link.size
     about_knee = SHANK * (x**2 + z**2) / 12 + SHANK * (LOWER / 2) ** 2
-    np.testing.assert_allclose(found[0, 2::3], about_knee, atol=1e-9)
+    np.testing.assert_allclose(torques[0, 2::3], about_knee, atol=1e-9)
     thigh = SHANK * (x**2 + z**2) / 12 + SHANK * LOWER / 2 * (UPPER + LOWER / 2)
-    np.testing.assert_allclose(found[0, 1::3], thigh, atol=1e-9)
+    np.testing.assert_allclose(torques[0, 1::3], thigh, atol=1e-9)
 
 
 def test_a_base_that_spins_pulls_the_legs_in() -> None:
     """2 rad/s about the vertical: the base holds the links with −ω² Σ m r, worked out from where they hang."""
-    _, found = effort(base(spin=(0, 0, 2)), np.zeros(3))
+    _, torques = effort(base(spin=(0, 0, 2)), np.zeros(3))
     expected = np.zeros(3)
     for leg in BOXES.legs:
         mount = np.array(leg.mount)
         for mass, across in ((HIP, 0.5), (THIGH, 1.0), (SHANK, 1.0)):
             expected[:2] -= 4 * mass * np.add(mount[:2], [0, across * leg.side * WIDTH])
-    np.testing.assert_allclose(found[0, :3], expected, atol=1e-9)
+    np.testing.assert_allclose(torques[0, :3], expected, atol=1e-9)
 
 
 def test_the_trunk_by_hand() -> None:

@@ -47,7 +47,7 @@ def read(raw: Raw, declared: IdentifySetup = DECLARED, **body: np.ndarray | None
     return foreign_walk(trots.opened(trots.GO2, raw, **body), trots.GO2, declared, PLACED)
 
 
-def found(walk: Walk, **setup: str) -> JointsFile:
+def identify(walk: Walk, **setup: str) -> JointsFile:
     """Identify it."""
     chosen = WalkSetup(**setup)  # type: ignore[arg-type]
     return identify_walk(replace(walk, setup=chosen)).joints
@@ -55,7 +55,7 @@ def found(walk: Walk, **setup: str) -> JointsFile:
 
 def test_friction_of_a_trot_is_within_its_intervals(raw: Raw) -> None:
     """A Go2's own columns are enough: no base position, no base velocity, no motion capture."""
-    joints = found(read(raw))
+    joints = identify(read(raw))
     inside, rates = [], []
     for name, friction in zip(trots.GO2.joint_names, GO2_FRICTION, strict=True):
         record = joints.record(name)
@@ -97,7 +97,7 @@ def test_the_least_rate_is_that_at_which_intervals_still_hold(trot: trots.Walked
         with pytest.raises(LogError, match=r"came \d+ times a second; expected 200 or more: .* joint controllers"):
             read(raw)
         return
-    joints = found(read(raw))
+    joints = identify(read(raw))
     truths = zip(trots.GO2.joint_names, GO2_FRICTION, strict=True)
     assert np.mean([holds(joints.record(name).coulomb_friction, friction) for name, friction in truths]) >= 0.8
     for record in joints.joints.values():
@@ -117,7 +117,7 @@ def test_sources_of_contact_agree_and_are_named(raw: Raw) -> None:
         assert np.mean(~down[source] & down["logged"]) < 0.06
     assert np.mean(down["torque"] == down["logged"]) > 0.85
     for source, word in (("torque", "the motors' torque"), ("height", "kinematics")):
-        joints = found(walk, contact=source)
+        joints = identify(walk, contact=source)
         assert word in next(iter(joints.joints.values())).diagnostics["contact"]
         levels = {"hip": 1.2, "thigh": 0.8, "calf": 1.8}
         inside = [
@@ -127,7 +127,7 @@ def test_sources_of_contact_agree_and_are_named(raw: Raw) -> None:
         ]
         assert len(inside) >= 6 and np.mean(inside) >= 0.8
     with pytest.raises(LogError, match="--contact logged: the log has no foot contact"):
-        found(read(raw, foot_force=None), contact="logged")
+        identify(read(raw, foot_force=None), contact="logged")
 
 
 def test_another_robot_is_refused_by_its_joints(raw: Raw) -> None:
@@ -138,8 +138,8 @@ def test_another_robot_is_refused_by_its_joints(raw: Raw) -> None:
     numbered = replace(log, joints={f"joint_{n}": signals for n, signals in enumerate(log.joints.values())})
     with pytest.raises(LogError, match="the log only numbers its joints: name them in its order, --names"):
         match_names(numbered, trots.GO2)
-    for pair, said in {"FR_hop=FR_hip": "did you mean 'FR_hip'?", "FR_hip=FR_thihg": "did you mean 'FR_thigh"}.items():
-        with pytest.raises(LogError, match=f"--joint-map {pair}: unknown joint .*{re.escape(said)}"):
+    for pair, hint in {"FR_hop=FR_hip": "did you mean 'FR_hip'?", "FR_hip=FR_thihg": "did you mean 'FR_thigh"}.items():
+        with pytest.raises(LogError, match=f"--joint-map {pair}: unknown joint .*{re.escape(hint)}"):
             match_names(log, trots.GO2, (pair,))
     with pytest.raises(ConfigurationError, match=r"unknown contact 'hight'; did you mean 'height'\?"):
         WalkSetup(contact="hight")  # type: ignore[arg-type]
@@ -243,7 +243,7 @@ def test_torque_is_needed_or_targets_with_gains(raw: Raw) -> None:
     with pytest.raises(LogError, match="without targets and the gains --kp and --kd"):
         foreign_walk(silent, trots.GO2, IdentifySetup())
     walk = foreign_walk(silent, trots.GO2, DECLARED, PLACED)
-    record = found(walk).record("FR_calf_joint")
+    record = identify(walk).record("FR_calf_joint")
     assert record.coulomb_friction is None
     assert holds(record.combinations["f/k"], GO2_FRICTION[2])
     with pytest.raises(LogError, match=r"reaches \S+ times its limit"):

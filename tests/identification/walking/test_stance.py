@@ -43,13 +43,13 @@ def test_without_noise_the_truth_is_found_exactly() -> None:
     """The body's equations are right: Jacobians, contact points, wrenches, elimination of joints at rest."""
     friction, load = BASE[None], np.tile(list(LOAD.values()), 6)
     log = walks.walk(friction, [walks.CURVE], walks.NO_NOISE, load)[0]
-    found = load_of(log, known())
-    assert found.refusal == ""
+    fit = load_of(log, known())
+    assert fit.refusal == ""
     for kind, truth in LOAD.items():
-        law = found.laws[kind]
+        law = fit.laws[kind]
         assert law["load_coefficient"].value == pytest.approx(truth, rel=2e-3)
         assert law["coulomb_friction"].value == pytest.approx(BASE[walks.SPEC.joint_kinds.index(kind)], rel=5e-3)
-    off = np.abs([estimate.value for estimate in found.body.values()])
+    off = np.abs([estimate.value for estimate in fit.body.values()])
     assert (off < [0.005, *[0.001] * 3, *[0.05] * 3]).all()
 
 
@@ -57,16 +57,16 @@ def test_coefficients_are_within_their_intervals(logs: list[WalkLog]) -> None:
     """Four walks, three kinds: c, and friction at the torque of standing legs; unknown coefficients are rejected."""
     inside, told = [], 0
     for log in logs:
-        found = load_of(log, known())
-        assert found.refusal == ""
-        assert set(found.laws) | set(found.refused) == set(walks.SPEC.joint_kinds)
-        assert "shank" in found.laws
-        for kind, law in found.laws.items():
+        load = load_of(log, known())
+        assert load.refusal == ""
+        assert set(load.laws) | set(load.refused) == set(walks.SPEC.joint_kinds)
+        assert "shank" in load.laws
+        for kind, law in load.laws.items():
             told += 1
             low, high = law["load_coefficient"].interval95
             assert high - low < 0.11
             inside.append(low <= LOAD[kind] <= high)
-            torque, friction = found.under_load[kind]
+            torque, friction = load.under_load[kind]
             truth = BASE[walks.SPEC.joint_kinds.index(kind)] + LOAD[kind] * torque
             inside.append(friction.interval95[0] <= truth <= friction.interval95[1])
     assert told >= 9
@@ -101,9 +101,9 @@ def test_unknown_and_wrong_masses_are_refused(logs: list[WalkLog], changes: dict
     setup = known(**changes)
     setup = replace(setup, centre_of_mass=tuple(np.array(setup.centre_of_mass) + shift))
     for log in logs[:2]:
-        found = load_of(log, setup)
-        assert found.laws == {}
-        assert message in found.refusal
+        load = load_of(log, setup)
+        assert load.laws == {}
+        assert message in load.refusal
 
 
 def test_logs_without_torque_or_accelerometer_are_refused(logs: list[WalkLog]) -> None:

@@ -28,9 +28,9 @@ def fits(log: WalkLog, setup: WalkSetup) -> list[SwingFit]:
 def test_without_noise_the_truth_is_found_exactly() -> None:
     """Every term of the equation is right: legs, base, timing, and the motor's torque."""
     log = walks.walk(MIXED[None], [walks.CURVE], walks.NO_NOISE)[0]
-    found = [(fit, level) for fit, level in zip(fits(log, NOISE_ALONE), MIXED, strict=True) if fit.fit is not None]
-    assert len(found) >= 12
-    for fit, level in found:
+    fitted = [(fit, level) for fit, level in zip(fits(log, NOISE_ALONE), MIXED, strict=True) if fit.fit is not None]
+    assert len(fitted) >= 12
+    for fit, level in fitted:
         assert fit.fit is not None
         np.testing.assert_allclose(fit.fit.values[:3], [walks.ARMATURE, walks.DAMPING, level], rtol=2e-3, atol=2e-4)
 

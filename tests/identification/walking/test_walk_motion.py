@@ -77,9 +77,9 @@ def test_windows_and_masks_by_hand() -> None:
 def test_swing_is_found_without_contacts() -> None:
     """Feet well above the lowest one are in the air; the heights agree with the contacts."""
     log = walks.walk(np.zeros((1, 18)), [walks.FORWARD], seconds=4.0)[0]
-    found = Walk(replace(log, foot_contact=None), walks.SPEC).down
+    down = Walk(replace(log, foot_contact=None), walks.SPEC).down
     assert log.foot_contact is not None
-    high = ~found
+    high = ~down
     assert 0.25 < high.mean() < 0.55
     assert log.foot_contact[high].mean() < 0.03
 

@@ -22,7 +22,7 @@ QUICK = ("degrees", "sign of the torque", "half the rate", "no IMU", "a Go1 for 
 
 
 @pytest.mark.parametrize(
-    ("given", "mistake", "reason", "seen"),
+    ("walk", "mistake", "reason", "seen"),
     [
         (wrong.trotting, wrong.scaled("torque", 1.2), "weight", r"hold 1\.1\d .* times the robot's weight, 15\.2 kg"),
         (wrong.trotting, wrong.heavier(0.5), "weight", r"1\.8\d .* 7\.6 kg: the torques"),
@@ -35,28 +35,28 @@ QUICK = ("degrees", "sign of the torque", "half the rate", "no IMU", "a Go1 for 
     ids=["scale", "masses", "gains", "contact", "torque", "rate", "gyroscope"],
 )
 def test_no_level_comes_out_of_a_wrong_walk(
-    given: Callable[[], Any], mistake: Callable[[Any], Any], reason: str, seen: str
+    walk: Callable[[], Any], mistake: Callable[[Any], Any], reason: str, seen: str
 ) -> None:
     """A log that contradicts the robot, or itself, is identified all the same, and a level proposed."""
-    found = mistake(given()).identified()
-    assert found
-    for _, _, record in found:
+    records = mistake(walk()).identified()
+    assert records
+    for _, _, record in records:
         assert reason in [one.reason for one in record.objections]
         verdict = record.diagnostics["verdict"]
         assert verdict["friction_level"] is None and verdict["lines"][0].startswith("Do first: ")
         assert record.warnings[0] == record.objections[0].seen
         assert JointRecord.from_dict(record.to_dict(), "x").objections == record.objections
-    (said,) = {one.seen for *_, record in found for one in record.objections if one.reason == reason}
-    assert re.search(seen, said), said
-    assert propose(JointsFile({name: record for name, _, record in found}))["friction"] is None
+    (statement,) = {one.seen for *_, record in records for one in record.objections if one.reason == reason}
+    assert re.search(seen, statement), statement
+    assert propose(JointsFile({name: record for name, _, record in records}))["friction"] is None
 
 
-@pytest.mark.parametrize("given", [wrong.trotting, wrong.without_feet, wrong.by_targets, wrong.without_orientation])
-def test_a_right_walk_has_no_objection(given: Callable[[], Any]) -> None:
+@pytest.mark.parametrize("walk", [wrong.trotting, wrong.without_feet, wrong.by_targets, wrong.without_orientation])
+def test_a_right_walk_has_no_objection(walk: Callable[[], Any]) -> None:
     """A right walk has no objection; the verdict names the source of the torque's scale."""
-    found = given().identified()
-    assert len(found) >= 4
-    for _, friction, record in found:
+    records = walk().identified()
+    assert len(records) >= 4
+    for _, friction, record in records:
         low, high = record.diagnostics["torque_by_weight"]["interval95"]
         assert 0.9 < low < high < 1.1
         assert record.objections == ()
