@@ -101,8 +101,8 @@ def simulate(nodes: int, life: float, trainings: int, seed: int) -> tuple[float,
 
 def row(nodes: int, hours: float, trainings: int, seeds: int) -> Row:
     """Return what some seeds come to."""
-    found = np.array([simulate(nodes, 3600.0 * hours, trainings, seed) for seed in range(seeds)])
-    middle, ends = np.median(found, axis=0), found[:, 0] / 3600
+    outcomes = np.array([simulate(nodes, 3600.0 * hours, trainings, seed) for seed in range(seeds)])
+    middle, ends = np.median(outcomes, axis=0), outcomes[:, 0] / 3600
     numbers = middle[0] / 3600, ends.min(), ends.max(), middle[1] / 3600, middle[2]
     return Row(nodes, hours, trainings, *(round(float(number), 3) for number in numbers))
 

@@ -93,8 +93,8 @@ def commands(task: Task) -> list[list[str]]:
 
 def run(words: Sequence[str], folder: Path, until: Path | None) -> None:
     """Run a command in a folder to its end, or until a file has a line; end this process where it fails."""
-    with (folder / "said.txt").open("w+") as said:
-        process = subprocess.Popen(words, cwd=folder, stdout=said, stderr=subprocess.STDOUT)
+    with (folder / "said.txt").open("w+") as output:
+        process = subprocess.Popen(words, cwd=folder, stdout=output, stderr=subprocess.STDOUT)
         deadline = time.monotonic() + PATIENCE
         while process.poll() is None and time.monotonic() < deadline:
             if until is not None and until.is_file() and until.stat().st_size:
@@ -105,8 +105,8 @@ def run(words: Sequence[str], folder: Path, until: Path | None) -> None:
         if process.poll() != 0:
             process.kill()
             process.wait()
-            said.seek(0)
-            raise SystemExit(f"{' '.join(words)} failed:\n{said.read()}")
+            output.seek(0)
+            raise SystemExit(f"{' '.join(words)} failed:\n{output.read()}")
 
 
 def measured(task: Task, python: Path, wheel: Path | None, revision: str) -> Row:

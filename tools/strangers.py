@@ -294,26 +294,26 @@ Messages = list[tuple[str, str, int, bytes]]
 
 def _states() -> Messages:
     """Return joint states, and before each its command."""
-    found: Messages = []
+    messages: Messages = []
     for index, time in enumerate(TIME):
         now = START * 10**9 + round(1e9 * float(time))
         for topic, when, values in (("command", now - 10**5, TARGET), ("states", now, POSITION)):
             data = _cdr_state(when, values[index], TORQUE[index] if topic == "states" else np.zeros(0))
-            found.append((f"/joint_{topic}", "sensor_msgs/msg/JointState", when, data))
-    return found
+            messages.append((f"/joint_{topic}", "sensor_msgs/msg/JointState", when, data))
+    return messages
 
 
 def _lowstates() -> Messages:
     """Return `LowState` and `LowCmd` of a Go2; a motor's numbers begin at multiples of four, its mode just before."""
-    found: Messages = []
+    messages: Messages = []
     for index, time in enumerate(TIME):
         now = START * 10**9 + round(1e9 * float(time))
         gains = {16: np.full(2, 20.0), 20: np.full(2, 0.5)}
         command = _motors(20, 36, {4: TARGET[index]} | gains)
         state = _motors(76, 48, {4: POSITION[index], 8: VELOCITY[index], 16: TORQUE[index]})
-        found.append(("/lowcmd", "unitree_go/msg/LowCmd", now - 10**5, command))
-        found.append(("/lowstate", "unitree_go/msg/LowState", now, state))
-    return found
+        messages.append(("/lowcmd", "unitree_go/msg/LowCmd", now - 10**5, command))
+        messages.append(("/lowstate", "unitree_go/msg/LowState", now, state))
+    return messages
 
 
 def _bag(path: Path, messages: Messages) -> None:
@@ -387,12 +387,12 @@ def json_arrays(folder: Path) -> None:
 def json_records(folder: Path) -> None:
     """A list of records, each joint an object."""
     roles = {"position": POSITION, "target": TARGET, "torque": TORQUE}
-    found = [
+    samples = [
         {"time": float(time)}
         | {role: {joint: float(values[index, j]) for j, joint in enumerate(FRICTION)} for role, values in roles.items()}
         for index, time in enumerate(TIME)
     ]
-    (folder / "log.json").write_text(json.dumps({"samples": found}))
+    (folder / "log.json").write_text(json.dumps({"samples": samples}))
 
 
 def matlab(folder: Path) -> None:
@@ -664,8 +664,8 @@ def run(folder: Path, command: str) -> tuple[int, str]:
 
     from stiction.cli.main import main
 
-    said, errors = StringIO(), StringIO()
-    with chdir(folder), redirect_stdout(said), redirect_stderr(errors):
+    output, errors = StringIO(), StringIO()
+    with chdir(folder), redirect_stdout(output), redirect_stderr(errors):
         status = main(["identify", *shlex.split(command)])
     return status, " ".join(errors.getvalue().split())
 
@@ -676,31 +676,31 @@ def outcome(folder: Path, stranger: Stranger) -> dict[str, str]:
 
     stranger.write(folder)
     for command in stranger.commands:
-        status, said = run(folder, f"{command}" + (" --json" if "--init" not in command else ""))
+        status, output = run(folder, f"{command}" + (" --json" if "--init" not in command else ""))
         if status:
-            return _row(stranger, "", "", f"refused: {said}", False)
+            return _row(stranger, "", "", f"refused: {output}", False)
     joints = load_joints(folder / "identified" / "joints.json").joints
     values, right = [], list(joints) == list(stranger.joints)
     for name in stranger.joints:
         record = joints.get(name)
-        found = record and (record.coulomb_friction or record.combinations.get("f/k"))
-        if not found:
+        estimate = record and (record.coulomb_friction or record.combinations.get("f/k"))
+        if not estimate:
             return _row(stranger, "", "", f"{name} was not identified", False)
-        low, high = found.interval95
-        values.append(f"{name} {found.value:.3f} ({low:.3f} to {high:.3f})")
-        right &= abs(found.value - FRICTION[name]) < 0.05 * FRICTION[name]
+        low, high = estimate.interval95
+        values.append(f"{name} {estimate.value:.3f} ({low:.3f} to {high:.3f})")
+        right &= abs(estimate.value - FRICTION[name]) < 0.05 * FRICTION[name]
     truth = ", ".join(f"{name} {FRICTION[name]:g}" for name in stranger.joints)
     return _row(stranger, truth, ", ".join(values) + f" {stranger.unit}", "", right)
 
 
-def _row(stranger: Stranger, truth: str, found: str, refusal: str, right: bool) -> dict[str, str]:
+def _row(stranger: Stranger, truth: str, result: str, refusal: str, right: bool) -> dict[str, str]:
     """Return a row of the table."""
     return {
         "form": stranger.form,
         "commands": " && ".join(f"stiction identify {command}" for command in stranger.commands),
         "count": str(len(stranger.commands)),
         "dry friction simulated": truth,
-        "what came out": found or refusal,
+        "what came out": result or refusal,
         "within 5 %": "yes" if right else "no",
     }
 
@@ -727,27 +727,27 @@ def main() -> None:
             folder.mkdir(parents=True)
             stranger.write(folder)
         return
-    found, refused = [], []
+    outcomes, refused = [], []
     with tempfile.TemporaryDirectory() as name:
         for number, stranger in enumerate(STRANGERS, 1):
             folder = Path(name) / str(number)
             folder.mkdir()
-            found.append(outcome(folder, stranger))
-            print(number, found[-1]["within 5 %"], stranger.form, found[-1]["what came out"], file=sys.stderr)
+            outcomes.append(outcome(folder, stranger))
+            print(number, outcomes[-1]["within 5 %"], stranger.form, outcomes[-1]["what came out"], file=sys.stderr)
         for number, (form, write, command) in enumerate(REFUSED):
             folder = Path(name) / f"refused{number}"
             folder.mkdir()
             write(folder)
-            status, said = run(folder, command)
-            refused.append({"form": form, "commands": command, "count": str(status), "what came out": said})
+            status, output = run(folder, command)
+            refused.append({"form": form, "commands": command, "count": str(status), "what came out": output})
     with (OUT / "strangers.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(found[0]), lineterminator="\n")
+        writer = csv.DictWriter(file, list(outcomes[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(found)
+        writer.writerows(outcomes)
     page = (
         HEAD.format(flags=FLAGS) + "| your file | what to type | what came out, dry friction (95 %) |\n|---|---|---|\n"
     )
-    for row in found:
+    for row in outcomes:
         typed = "<br>".join(f"`{line}`" for line in row["commands"].replace(FLAGS, "FLAGS").split(" && "))
         page += f"| {row['form']} | {typed} | {row['what came out']} |\n"
     page += "\nNot read, with what is said instead:\n\n| file | what is said |\n|---|---|\n"

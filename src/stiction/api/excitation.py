@@ -136,8 +136,8 @@ def excite(
 
     """
     named = {"torque_limit": torque_limit, "position_limits": position_limits}
-    given = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, excite)
-    designed = design(given, joint, None if robot is None else str(robot), "stiction.excite(...)", progress)
+    setup = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, excite)
+    designed = design(setup, joint, None if robot is None else str(robot), "stiction.excite(...)", progress)
     if out is not None:
         designed.save(out)
     return designed
@@ -156,9 +156,9 @@ def robot_joint(robot: str, joint: str) -> Joint:
     from stiction.robots.catalog import find_robot
 
     spec = find_robot(robot)
-    for found in spec.joints:
-        if joint in (found.name, found.kind):
-            return found
+    for candidate in spec.joints:
+        if joint in (candidate.name, candidate.kind):
+            return candidate
     raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*spec.joint_kinds, *spec.joint_names))}")
 
 

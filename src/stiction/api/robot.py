@@ -50,8 +50,8 @@ class RobotCheck(Result):
             noted = sum(finding.state == "note" for finding in self.findings) + len(self.notes)
             return first, f"It can be used; {noted} to be known"
         worst = self.bad[0]
-        said = f"fails {len(self.bad)} of {len(self.findings)} checks; first, {worst.check}: {worst.text}"
-        return first, said, f"What mends it: {worst.mend}"
+        failures = f"fails {len(self.bad)} of {len(self.findings)} checks; first, {worst.check}: {worst.text}"
+        return first, failures, f"What mends it: {worst.mend}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `stiction robot check --json` prints."""

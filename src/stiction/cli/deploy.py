@@ -164,7 +164,7 @@ def main(arguments: list[str]) -> int:
     if cfg.report is not None:
         check_file(cfg.report, cfg, "--report")  # before the robot moves
     report: dict[str, Any] = {}
-    said: list[str] = []
+    failures: list[str] = []
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
         drive = _planned(cfg, address, check_bundle(folder, cfg.expect_digest, cfg.key).bundle, folder)
@@ -176,17 +176,17 @@ def main(arguments: list[str]) -> int:
     except UnwrittenError as error:
         if not report:
             raise
-        said = [str(error)]  # The run was made: how it ended is said all the same.
+        failures = [str(error)]  # The run was made: how it ended is said all the same.
     if cfg.json:
         print(_text(report), end="")
     if report["log_end"] is not None:
-        said.insert(0, f"its log is not whole: {report['log_end']}")
+        failures.insert(0, f"its log is not whole: {report['log_end']}")
     refused = (
         [] if report.get("complaint") is None else [f"{report['malformed']} states refused, {report['complaint']}"]
     )
-    failed = bool(said) or report["stop"] is not None
+    failed = bool(failures) or report["stop"] is not None
     if failed or refused:
-        lines = [report["end"], *said, *refused] if failed else refused
+        lines = [report["end"], *failures, *refused] if failed else refused
         print(f"stiction deploy: {'; '.join(lines)}", file=sys.stderr)
     if failed:
         return 128 + report["signal"] if report.get("signal") else 1
@@ -216,8 +216,8 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
 
     planned = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
     command = parse_command(cfg.command)
-    if said := untrained([command], bundle.contract):
-        raise ConfigurationError(f"{said}; command less")
+    if message := untrained([command], bundle.contract):
+        raise ConfigurationError(f"{message}; command less")
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
     friction = None
     if cfg.forward is not None:

@@ -111,14 +111,16 @@ def _to_others(cfg: ExportCfg, to: Literal["webots", "deploy.yaml", "rl_sar", "m
     from stiction.files.bundle import find_bundle
 
     source = find_bundle(cfg.source)
-    given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
+    settings = {
+        name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None
+    }
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
         if to == "webots":
             # Its robot is built with the simulator, which no other target asks for.
             from stiction.exchange.webots.export import WebotsCfg, export_webots
 
-            done = export_webots(source, out, WebotsCfg(**given), cfg.robot)
+            done = export_webots(source, out, WebotsCfg(**settings), cfg.robot)
         else:
             from stiction.exchange.policies.exporter import export_to
 

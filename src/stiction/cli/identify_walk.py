@@ -110,15 +110,15 @@ def identify_walk(arguments: list[str]) -> int:
                 raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
             declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
             walk = foreign_walk(log, find_robot(options.robot), declared, part_of(RobotLogSetup, options), setup)
-        found = pipeline.identify_walk(walk)
+        result = pipeline.identify_walk(walk)
         with results_folder(options.out, VERB, options, RESULTS, inputs):
-            found.joints.write(options.out / "joints.json")
-            write_proposal(options.out, found.joints)
-            write_walk_fit(options.out / "fit.npz", found.fit)
+            result.joints.write(options.out / "joints.json")
+            write_proposal(options.out, result.joints)
+            write_walk_fit(options.out / "fit.npz", result.fit)
             if options.page:
                 write_walking_page(options.out, command)
-    print_results(options, found.joints, command)
-    return status_of(found.joints)
+    print_results(options, result.joints, command)
+    return status_of(result.joints)
 
 
 def _refuse_declared(options: WalkOptions) -> None:

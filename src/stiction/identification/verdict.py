@@ -83,13 +83,13 @@ def torque_unit(run: Run) -> dict[str, Any] | None:
 def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
     """Return the flags that friction rests on and nothing in the log shows, and the same in words; empty where none."""
     data, rotary = record.diagnostics, record.axis == "rotary"
-    source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
+    source, torque_data = data.get("strength", {}).get("source"), data.get("torque_unit")
     if source == "declared":
         return ("--set motor_strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
     if record.torque_source is None and record.kp is not None and record.coulomb_friction is None:
         gain = f"{record.kp:.4g} {'N m/rad' if rotary else 'N/m'}"
-        said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
-        return ("--kp", "--kd", "--position-scale"), said
+        text = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
+        return ("--kp", "--kd", "--position-scale"), text
     if record.torque_source is None or record.coulomb_friction is None:
         return (), ""
     if "torque_by_weight" in data:
@@ -100,26 +100,26 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
             shows = f"{together}, and of each nothing"
         return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
     # Where there is a mismatch, however small, the torque was held against gains and positions: that shows its scale.
-    if given is None or data.get("controller_mismatch") is not None:
+    if torque_data is None or data.get("controller_mismatch") is not None:
         return (), ""
     if source == "known_load":
         # A pendulum beside a torque of known unit was held against it.
-        if not given["weight"] or (given["calibrated"] and "--pendulum-mass" in given["weight"]):
+        if not torque_data["weight"] or (torque_data["calibrated"] and "--pendulum-mass" in torque_data["weight"]):
             return (), ""
-        said = "all of it if the known weight is as declared, which tells the scale of the torque"
-        return tuple(given["weight"]), said
-    return _of_unit(given, data.get("torque_by_links"), "N m" if rotary else "N")
+        text = "all of it if the known weight is as declared, which tells the scale of the torque"
+        return tuple(torque_data["weight"]), text
+    return _of_unit(torque_data, data.get("torque_by_links"), "N m" if rotary else "N")
 
 
-def _of_unit(given: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
+def _of_unit(torque_data: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
     """Return what a torque column rests on; given: `torque_unit`; links: its scale by the links of a limb, or None."""
-    declared = given["declared"]
-    if given["column"] == "torque":
+    declared = torque_data["declared"]
+    if torque_data["column"] == "torque":
         flags, what = ("--torque-scale",), f"the torque is in {unit}"
         shows = "without --kp, --kd and a target nothing shows it"
     else:
         numbers = [f"{name} {declared[flag]:.4g} {of}" for flag, (name, of) in NAMED.items() if flag in declared]
-        flags, what = ("--torque-column", *declared), f"the column is a {', '.join([given['column'], *numbers])}"
+        flags, what = ("--torque-column", *declared), f"the column is a {', '.join([torque_data['column'], *numbers])}"
         shows = "nothing in the log shows it, and a known pendulum would (--pendulum-mass, --pendulum-length)"
     if links is not None:
         low, high = links["interval95"]

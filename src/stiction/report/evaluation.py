@@ -319,16 +319,16 @@ def sections(
     feet = {policy.get("feet", 6) for policy in summary["policies"].values()}
     gait = " or ".join(GAITS[count] for count in sorted(feet) if count in GAITS)
     maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
-    found = [
+    leading = [
         Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)),
         Section("Friction budget", (budget_picture(figure, samples),)),
     ]
     if any(sample.low is not None for sample in samples):
         counts = count_commands(rows, lambda row: summary["ways"][row.policy])
-        found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
-        found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
+        leading.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
+        leading.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [
-        *found,
+        *leading,
         Section("Every row", (results_table(rows, summary["rows"], gait), definitions_table(rows, gait))),
         Section("What was run", run_blocks(summary)),
     ]
@@ -364,8 +364,8 @@ def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], method
 
 def _paces(seeds: Sequence[str]) -> str:
     """Return how many seeds have which pace under one command: `4 follow, 1 too fast`. seeds: the pace of each."""
-    found = [one.replace("follows", "follow") for one in seeds if one != "–"]
-    return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
+    paces = [one.replace("follows", "follow") for one in seeds if one != "–"]
+    return ", ".join(f"{paces.count(one)} {one}" for one in dict.fromkeys(paces)) or "–"
 
 
 def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:

@@ -68,9 +68,11 @@ class Section:
 def _environment() -> Environment:
     """Return the template engine, with escaping on for every template and undefined names an error."""
     folder = Path(__file__).parent / "templates"
-    found = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    found.filters["marked"] = marked
-    return found
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    environment.filters["marked"] = marked
+    return environment
 
 
 def marked(text: str) -> Markup:
@@ -148,12 +150,12 @@ def _settings_rows(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[
     """Return the rows of settings; what is nested has the names above it in front."""
     rows = []
     for name, value in settings.items():
-        said = f"{prefix}{name.replace('_', ' ')}"
+        label = f"{prefix}{name.replace('_', ' ')}"
         if isinstance(value, Mapping):
-            rows += _settings_rows(value, f"{said}, ")
+            rows += _settings_rows(value, f"{label}, ")
         else:
             several = isinstance(value, list | tuple)
-            rows.append((said, (", ".join(map(str, value)) if several else str(value)) or "–"))
+            rows.append((label, (", ".join(map(str, value)) if several else str(value)) or "–"))
     return rows
 
 
@@ -228,12 +230,12 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
 
     drawn: label -> what was drawn, by default all that is `labelled` on the axis.
     """
-    found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
-    if not found:
+    handles = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
+    if not handles:
         return
     # As long as two periods of the longest of `STYLES` in a thick line: shorter samples look alike.
     look: dict[str, Any] = {"fontsize": TEXT, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
-    axis.legend(list(found.values()), list(found), **look)
+    axis.legend(list(handles.values()), list(handles), **look)
 
 
 def name_plainly(figure: Figure) -> Figure:
@@ -445,17 +447,17 @@ def label_ends(axis: Axes) -> None:
 
 def spaced(places: Sequence[float], least: float) -> list[float]:
     """Return ascending places moved apart to at least a distance, within 0 to 1 where they fit there."""
-    found: list[float] = []
+    positions: list[float] = []
     for place in places:
-        found.append(max(place, found[-1] + least) if found else max(place, 0.0))
-    over = max(0.0, found[-1] - 1.0) if found else 0.0
+        positions.append(max(place, positions[-1] + least) if positions else max(place, 0.0))
+    over = max(0.0, positions[-1] - 1.0) if positions else 0.0
     if over:
         # Pushed beyond the top: back down from there, each as far as it must.
         ceiling = 1.0
-        for index in range(len(found) - 1, -1, -1):
-            found[index] = min(found[index], ceiling)
-            ceiling = found[index] - least
-    return found
+        for index in range(len(positions) - 1, -1, -1):
+            positions[index] = min(positions[index], ceiling)
+            ceiling = positions[index] - least
+    return positions
 
 
 def draw_seeds(axis: Axes, points: Sequence[Spread], method: str, methods: Sequence[str]) -> None:
