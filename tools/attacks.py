@@ -58,7 +58,7 @@ class Unit(NamedTuple):
     """Some attacks that are done together, and kept together."""
 
     attack: str
-    """What is done, for the table."""
+    """Description of the attack, for the table."""
     first: int
     """Number of the first."""
     count: int

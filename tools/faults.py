@@ -41,7 +41,7 @@ p99 of an idle loop's lateness."""
 
 
 BUS, GOOD, KILLED = 20.0, 60.0, 100.0
-"""What is asked for [ms]: from detection to the bus, from the last good state to the bus, from SIGKILL to the bus."""
+"""Maximum delays to the bus [ms]: from detection, from the last good state, from SIGKILL."""
 
 TRIES = 3
 """How often a trial is made whose run ended before its fault came, as it does on a machine that is too busy."""

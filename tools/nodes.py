@@ -36,7 +36,7 @@ DETECTED = 15.0
 """Until Ray knows that a node is gone [s]."""
 
 PROCESSORS = 2
-"""Of a node, as of the machine on which all of this was measured."""
+"""Processors of a node, as on the machine of the measurements."""
 
 
 @dataclass(frozen=True)

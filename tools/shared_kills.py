@@ -33,7 +33,7 @@ PATIENCE = 600.0
 """How long anything may take at all [s]."""
 
 STUDY = f"study wear {POLICY} --robots 1000 1001 --seconds 14 --engine mujoco"
-"""What the cluster does: six walks."""
+"""Work of the cluster: six walks."""
 
 
 def free_port() -> int:
@@ -166,7 +166,7 @@ def cluster(count: int) -> dict[str, dict[str, Any]]:
 
 
 def _failure(process: subprocess.Popen) -> str:
-    """Wait for a command; return the end of what it said where it failed, nothing where it did not."""
+    """Wait for a command; return the end of its error output if it failed, an empty string otherwise."""
     errors = process.communicate(timeout=PATIENCE)[1]
     return errors[-300:] if process.returncode else ""
 

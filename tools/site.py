@@ -1,4 +1,4 @@
-"""What MkDocs is told of this repository, as a hook: `make docs`.
+"""Hook of MkDocs that describes this repository: `make docs`.
 
 The site has the documents where they are in the repository, so that a link leads to the same place there and here:
 what mkdocs.yml names, every page of docs/, and every file that one of them links to, whatever it is. docs/index.md is
@@ -41,7 +41,7 @@ def linked_files(page: Path) -> list[Path]:
 
 
 def site_files(start: list[Path]) -> list[Path]:
-    """Return the pages of a site and what they link to, in the order in which they are found."""
+    """Return the pages of a site and what they link to, in the order of discovery."""
     files: dict[Path, None] = dict.fromkeys(start)
     for page in (waiting := list(start)):
         if page.suffix == ".md":

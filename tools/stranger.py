@@ -39,15 +39,15 @@ PATIENCE = 1800.0
 
 @dataclass(frozen=True)
 class Task:
-    """What a stranger wants."""
+    """Task of a new user."""
 
     name: str
     heading: str
-    """Of the front page, under which its commands stand; empty: it is the demo."""
+    """Heading of the front page above its commands; empty: the demo."""
     file: str = ""
-    """Of the stranger's own."""
+    """Name of the user's own file."""
     extra: str = ""
-    """What is installed."""
+    """Extra that is installed."""
     commands: int | None = None
     """Commands of the heading that are typed; None: all of them."""
 
@@ -72,7 +72,7 @@ class Row:
     seconds: float
     """From then to the answer [s]."""
     processor: float
-    """Of all its processes [s]."""
+    """Processor time of all its processes [s]."""
     load: float
     """Load average before it began: about as many processes wanted a core."""
     cores: int

@@ -35,7 +35,7 @@ FRICTION = {"hip": 0.442, "knee": 0.8}
 """Joint -> dry friction that the files were simulated with [N m]."""
 
 FLAGS = "--kp 20 --kd 0.5 --torque-limit 45 --torque-source motor_side --test-condition bare_motor"
-"""What no log says of itself."""
+"""Flags for facts that no log contains."""
 
 OUT = Path(__file__).parents[1] / "results" / "identification"
 
@@ -70,11 +70,11 @@ class Stranger:
     """A file as somebody has it, and what to type."""
 
     form: str
-    """What it is, for the table."""
+    """Form of the log, for the table."""
     write: Callable[[Path], None]
-    """Writes it into a folder."""
+    """Function that writes the log into a folder."""
     commands: tuple[str, ...]
-    """What to type there, after `stiction identify`."""
+    """Commands to type there, after `stiction identify`."""
     joints: tuple[str, ...] = ("hip", "knee")
     """The joints that must be found, by name."""
     unit: str = "N m"
@@ -115,24 +115,24 @@ def headerless(folder: Path) -> None:
 
 
 def pandas_index(folder: Path) -> None:
-    """What `DataFrame.to_csv` writes: an index without a name in front."""
+    """Write a log as `DataFrame.to_csv` does: an index without a name in front."""
     body = [f"{index}," + ",".join(f"{value:.9g}" for value in row) for index, row in enumerate(TABLE)]
     lines(folder / "log.csv", "," + ",".join(["time", *NAMES]), body)
 
 
 def r_table(folder: Path) -> None:
-    """What `write.table` of R writes: quoted names, a column of row names that has none."""
+    """Write a log as `write.table` of R does: quoted names, a column of row names that has none."""
     body = [f'"{index + 1}" ' + " ".join(f"{value:.9g}" for value in row) for index, row in enumerate(TABLE)]
     lines(folder / "log.txt", " ".join(f'"{name}"' for name in ["time", *NAMES]), body)
 
 
 def hash_header(folder: Path) -> None:
-    """What `numpy.savetxt` writes with a header."""
+    """Write a log as `numpy.savetxt` does with a header."""
     text(folder / "log.txt", "# " + " ".join(["time", *NAMES]) + "\n", TABLE, " ")
 
 
 def rostopic(folder: Path) -> None:
-    """What `rostopic echo -p` writes: a header after %, nanoseconds since 1970, names in every row."""
+    """Write a log as `rostopic echo -p` does: a header after %, nanoseconds since 1970, names in every row."""
     head = "%time,field.header.seq,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1"
     body = [
         f"{START * 10**9 + round(1e9 * time)},{index},hip,knee,{p[0]:.9g},{p[1]:.9g},{e[0]:.9g},{e[1]:.9g}"
@@ -142,7 +142,7 @@ def rostopic(folder: Path) -> None:
 
 
 def decimal_comma(folder: Path) -> None:
-    """What a spreadsheet writes where numbers have commas."""
+    """Write a log as a spreadsheet does in a locale with decimal commas."""
     body = [";".join(f"{value:.9g}".replace(".", ",") for value in row) for row in TABLE]
     lines(folder / "log.csv", ";".join(["time", *NAMES]), body)
 
@@ -215,7 +215,7 @@ def plotjuggler(folder: Path) -> None:
 
 
 def utf16(folder: Path) -> None:
-    """What a spreadsheet calls Unicode text."""
+    """Write a log as the Unicode text of a spreadsheet."""
     body = ["\t".join(f"{value:.9g}" for value in row) for row in TABLE]
     lines(folder / "log.txt", "\t".join(["time", *NAMES]), body, "utf-16")
 
@@ -454,7 +454,7 @@ def with_a_rest(folder: Path) -> None:
 
 
 KT, RESISTANCE, SUPPLY = 1.5, 4.0, 24.0
-"""Of the servos, at the joint [N m/A, ohm, V]."""
+"""Torque constant, resistance and supply of the servos, at the joint [N m/A, ohm, V]."""
 
 MOTOR = f"--kt {KT:g} --resistance {RESISTANCE:g}"
 
@@ -508,7 +508,7 @@ def servo_with_pendulum(folder: Path) -> None:
 
 
 SERVO_FLAGS = "--torque-limit 45 --torque-source motor_side --test-condition bare_motor"
-"""What no log of a servo says of itself; of its controller nothing is known."""
+"""Flags for facts that no log of a servo contains; the controller is unknown."""
 
 STRANGERS = (
     Stranger("CSV with names `position.<joint>`", canonical, (f"log.csv {FLAGS}",)),
@@ -654,7 +654,7 @@ REFUSED = (
         f"--position-scale 0.00153398 --torque-scale 0.01 --duty-voltage 24 {MOTOR}",
     ),
 )
-"""What is not read, and must be told the nearest way in."""
+"""Unreadable files, whose refusal must name the nearest conversion."""
 
 
 def run(folder: Path, command: str) -> tuple[int, str]:

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/helpers"))
 from browser import Tab, chromium, find_chromium
 
 Event = tuple[str, float, float]
-"""What happened (`asked`, `level`, `step`, `frame`), when by the clock of all processes, and processor time [s]."""
+"""Event (`asked`, `level`, `step`, `frame`), time by the clock of all processes, and processor time [s]."""
 
 SLIDER = "[...document.querySelectorAll('[role=slider]')].find(one => one.getAttribute('aria-valuemax') === '90')"
 """The handle of the first slider of friction, which is that of all joints."""
@@ -132,7 +132,7 @@ def delays(pressed: list[float], events: list[Event]) -> dict[str, list[float | 
 
 
 def main() -> None:
-    """Measure, and print what was found."""
+    """Measure, and print the results."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("--policy", default="saturn_lite-flat-deception-0.2", help="name or folder of a bundle")
     reader.add_argument("--seconds", type=float, default=10.0, help="length of each measurement [s]")

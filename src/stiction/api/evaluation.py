@@ -1,4 +1,4 @@
-"""What policies reach over engines, friction, grounds and commands: `stiction evaluate` in Python."""
+"""Evaluate policies over engines, friction, grounds and commands: `stiction evaluate` in Python."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ OF_WALK = ("settle", "action_delay", "static_ratio", "stribeck_velocity", "known
 
 @dataclass(frozen=True, repr=False)
 class Evaluated(Result):
-    """What policies reached. Iterating gives the rows, as in `results.csv`."""
+    """Results of an evaluation. Iterating gives the rows, as in `results.csv`."""
 
     rows: tuple[ResultRow, ...]
-    """One a policy, engine, friction, ground and command: `speed_ratio`, `tracking_error` [m/s], `fall_rate`, ..."""
+    """Rows, one per policy, engine, friction, ground and command: `speed_ratio`, `tracking_error` [m/s], ..."""
     summary: dict[str, Any]
-    """What was run on what, and the same rows with their spread; `summary.json`."""
+    """Bundles, engines and settings of the evaluation, and the same rows with their spread; `summary.json`."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before a number is used, a sentence each."""
+        """Warnings to read before a number is used, one sentence each."""
         return tuple(self.summary["warnings"])
 
     def __iter__(self) -> Iterator[ResultRow]:

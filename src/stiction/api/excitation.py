@@ -32,7 +32,7 @@ class Designed(Result):
 
     @property
     def design(self) -> ExcitationDesign:
-        """What `design.json` holds: gains, limits, what is reached, predicted deviations, advice."""
+        """Content of `design.json`: gains, limits, speeds and angles reached, predicted deviations, advice."""
         return self.excitation.record
 
     @property
@@ -52,7 +52,7 @@ class Designed(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before it is played, a sentence each."""
+        """Warnings to read before the trajectory is played, one sentence each."""
         return self.design.warnings
 
     def simulate(self, seed: int = 0) -> Log:

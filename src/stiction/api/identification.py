@@ -22,10 +22,10 @@ from stiction.identification.verdict import propose, write_proposal
 
 @dataclass(frozen=True, repr=False)
 class Identified(Result):
-    """What identification found. `result["hip"]` is the `JointRecord` of one joint."""
+    """Result of an identification. `result["hip"]` is the `JointRecord` of one joint."""
 
     file: JointsFile
-    """What `joints.json` holds."""
+    """Content of `joints.json`."""
     signals: dict[str, FitSignals]
     """Joint name -> signals, fit and residuals, arrays of shape (T,): time [s], position [rad], torque [N m], ...;
     empty where it was read from a file."""
@@ -46,17 +46,17 @@ class Identified(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before a number is used, a sentence each."""
+        """Warnings to read before a number is used, one sentence each."""
         return self.file.warnings
 
     @property
     def valid(self) -> bool:
-        """Whether every joint was identified, and nothing makes a fit invalid."""
+        """True if every joint was identified and no error makes a fit invalid."""
         return all(record.diagnostics and not record.objections for record in self.joints.values())
 
     @property
     def training(self) -> dict[str, Any]:
-        """What `training.json` holds: method, level and range of friction to train with, and why."""
+        """Content of `training.json`: method, level and range of friction to train with, and why."""
         return propose(self.file)
 
     def __getitem__(self, joint: str) -> JointRecord:

@@ -16,10 +16,10 @@ from stiction.files.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_
 from stiction.identification.logs import open_log, parse_columns
 
 SOURCE = "the arrays"
-"""What messages call a log that came from no file."""
+"""Name in messages for a log that was not read from a file."""
 
 OF_FRAME = (*SIGNALS, "time")
-"""What the columns of a data frame may be, before the dot."""
+"""Names allowed for columns of a data frame, before the dot."""
 
 LONGEST_JOINT_POSITION = 1000.0
 """Angles beyond this are hardly radians [rad]."""
@@ -125,7 +125,7 @@ def from_arrays(frame: Any = None, **arrays: Any) -> Log:
 
 
 def _take_names(arrays: dict[str, Any]) -> tuple[str, ...]:
-    """Take the names of the joints out of what is given, and turn numbers in their order into mappings."""
+    """Take the names of the joints out of the arguments, and turn numbers in their order into mappings."""
     key = "names" if "names" in arrays else "joints"
     if isinstance(arrays.get(key, {}), Mapping):
         return ()
@@ -212,7 +212,8 @@ def _signal(name: str, values: Any, count: int) -> np.ndarray:
         raise LogError(f"{SOURCE}: {label} has the shape {array.shape}; expected ({count},), as time")
     if role in ("position", "target") and np.ptp(array) > LONGEST_JOINT_POSITION:
         raise LogError(
-            f"{SOURCE}: {label} spans {np.ptp(array):.4g}; expected [rad]: is it in counts? Multiply it by rad per count"
+            f"{SOURCE}: {label} spans {np.ptp(array):.4g}; expected [rad]: is it in counts? Multiply it by rad per "
+            "count"
         )
     return array
 

@@ -1,4 +1,4 @@
-"""What a robot is: shipped ones by name, one's own from MJCF, URDF or `robot.yaml`, and the checks on it."""
+"""Robots: shipped ones by name, your own from MJCF, URDF or `robot.yaml`, and the checks on them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from stiction.robots.model import Robot
 
 @dataclass(frozen=True, repr=False)
 class RobotCheck(Result):
-    """What the checks of a robot found. It can be used where `ok`."""
+    """Findings of the checks of a robot, usable if `ok`."""
 
     robot: Robot
     """The robot."""
     findings: tuple[Any, ...]
-    """Each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the line that mends it."""
+    """Findings, each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the line that mends it."""
     notes: tuple[str, ...] = ()
-    """What was left out, mended or not believed when its file was read, a sentence each."""
+    """Parts of the file left out, corrected or not trusted on reading, one sentence each."""
 
     @property
     def bad(self) -> tuple[Any, ...]:
@@ -33,7 +33,7 @@ class RobotCheck(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether the robot can be used."""
+        """True if the robot can be used."""
         return not self.bad
 
     def __iter__(self) -> Iterator[Any]:
@@ -71,7 +71,7 @@ class RobotCheck(Result):
 
 
 MODEL_FILES = ("robot.xml", "robot.yaml", "robot.png")
-"""What `write_model` writes."""
+"""Files that `write_model` writes."""
 
 
 def write_model(robot: Robot, folder: Path) -> None:

@@ -38,7 +38,7 @@ class Trained(Result):
     path: Path
     """Its folder: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
     summary: dict[str, Any]
-    """What summary.json holds."""
+    """Content of summary.json."""
 
     @property
     def last(self) -> dict[str, Any]:

@@ -118,11 +118,11 @@ class DeployCfg:
     gap: float = 0.06
     """Longest time between two turns of the supervisor's own loop [s]."""
     limits: LimitsCfg = field(default_factory=LimitsCfg)
-    """Of what goes out."""
+    """Command limits."""
     safety: SafetyCfg = field(default_factory=SafetyCfg)
-    """Of what the robot may do."""
+    """Safety limits."""
     operator: OperatorCfg = field(default_factory=OperatorCfg, metadata=HEARTBEAT)
-    """Who may stop or steer the run."""
+    """Remote stop and velocity inputs."""
     realtime: int | None = None
     """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
     key: Path | None = None
@@ -130,13 +130,13 @@ class DeployCfg:
     expect_digest: str | None = None
     """Digest that the bundle must have, as `stiction verify` prints it."""
     robot_seed: int = field(default=1000, metadata=VIRTUAL)
-    """Which virtual robot."""
+    """Seed of the virtual robot."""
     engine: str = field(default="mujoco", metadata=VIRTUAL)
     """Physics engine of the virtual robot."""
     friction_level: str = field(default="0.1", metadata=VIRTUAL)
     """Dry friction of the virtual robot's joints: a fraction of the torque limit, or bench, or bench+0.02."""
     robot_cell: str = field(default="all", metadata=VIRTUAL)
-    """What of the virtual robot is real: all, nominal, or groups such as friction+delays."""
+    """Imperfections of the virtual robot: all, nominal (none), or groups such as friction+delays."""
     stand: bool = field(default=False, metadata=VIRTUAL)
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = field(default=(), metadata=VIRTUAL)
@@ -176,7 +176,7 @@ def main(arguments: list[str]) -> int:
     except UnwrittenError as error:
         if not report:
             raise
-        failures = [str(error)]  # The run was made: how it ended is said all the same.
+        failures = [str(error)]  # The run was made: its end is reported all the same.
     if cfg.json:
         print(_text(report), end="")
     if report["log_end"] is not None:

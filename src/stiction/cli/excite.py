@@ -27,7 +27,7 @@ Examples:
   stiction identify log.csv --out identified"""
 
 RESULTS = ("trajectory.csv", "trajectory.json", "design.json", "design.npz", "report.html")
-"""What is written into --out."""
+"""Files written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What `stiction identify` has for joints, limbs and walks alike: options, inputs, and how results are printed."""
+"""Options, inputs and printed results that `stiction identify` shares among joints, limbs and walks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ USUAL = ("--robot", "--kp", "--kd", "--torque-limit", "--torque-source", "--out"
 ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-scale", "--rate", "--from", "--to")
 
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
-"""What is written into --out."""
+"""Files written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)

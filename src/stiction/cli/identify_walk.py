@@ -52,7 +52,7 @@ GROUPS = {"usually needed": (*USUAL, "--mass-known"), "odd logs": (*ODD, "--join
 """The options for walks that people use."""
 
 DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
-"""What may be declared of the motors in the log of a walk."""
+"""Settings of the motors that may be declared for the log of a walk."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ class ListCfg:
     """Options of the verb."""
 
     what: Annotated[Literal["all", "robots", "policies", "engines"], ARGUMENT] = "all"
-    """What to list."""
+    """Kind of listing."""
     json: bool = False
     """Print the list as JSON on standard output, and nothing else."""
 
@@ -99,4 +99,4 @@ KINDS = {
     "policies": (policies, ("policy", "robot", "ground", "friction in training")),
     "engines": (engines, ("engine", "installed", "if not: install it by")),
 }
-"""What can be listed -> the function that returns it, and the headings of its table."""
+"""Kind of listing -> the function that returns its rows, and the headings of its table."""

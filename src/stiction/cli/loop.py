@@ -54,17 +54,17 @@ class JointRow:
     """One joint before and after deployment. Friction as the motors' own torque tells it, f/k [N m]."""
 
     joint: str = field(metadata=column("joint", form=str))
-    """Its name."""
+    """Name of the joint."""
     own: float = field(metadata=column("the robot's own f/k", "N m", ".3g"))
-    """What the virtual robot really has, over the true torque constant in units of the data sheet's."""
+    """True friction of the virtual robot, over the true torque constant in units of the data sheet's."""
     bench: str = field(metadata=column("on the bench, 95 %", "N m", str))
     """Interval that the bench's log gave."""
     walk: str = field(metadata=column("after deployment, 95 %", "N m", str))
     """Interval that the walk's log gave."""
     bench_holds: bool | None = field(metadata=column("bench holds", form=_yes))
-    """Whether the robot's own is in the bench's interval; None where nothing was found."""
+    """True if the bench's interval holds the true friction; None without an interval."""
     walk_holds: bool | None = field(metadata=column("walk holds", form=_yes))
-    """The same of the walk."""
+    """True if the walk's interval holds the true friction; None without an interval."""
 
 
 def run_loop(out: Path) -> list[JointRow]:
@@ -202,7 +202,7 @@ def _step(*words: object) -> None:
 
 
 def _failure(words: Sequence[object], status: int) -> StictionError:
-    """Return what is said of a verb that failed."""
+    """Return the error of a verb that failed."""
     command = " ".join(map(str, words))
     return StictionError(f"`stiction {command}` ended with status {status}; its own line above says why")
 

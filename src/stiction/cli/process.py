@@ -1,4 +1,4 @@
-"""What a command does with its process: its streams, the signals that end it, and one line for whatever goes wrong."""
+"""Process of a command: its streams, the signals that end it, and one line for any failure."""
 
 from __future__ import annotations
 
@@ -129,8 +129,8 @@ def explained(error: Exception, verb: str) -> str:
     if "mujoco" in sys.modules and "mjlab" not in sys.modules and (old := outdated()) is not None:
         return f"{old} (unforeseen {type(error).__name__}: {message})"
     return (
-        f"unforeseen {type(error).__name__}: {message}; this is a fault of stiction: please report it where you found the "
-        f"project, with what `stiction {verb} ... {DEBUG}` says"
+        f"unforeseen {type(error).__name__}: {message}; this is a fault of stiction: please report it where you found "
+        f"the project, with what `stiction {verb} ... {DEBUG}` says"
     )
 
 

@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _check(cfg: CheckCfg) -> int:
-    """Print what the checks found; return 1 where one is bad."""
+    """Print the findings of the checks; return 1 if one is bad."""
     from stiction.api.robot import check_robot
 
     check = check_robot(cfg.robot)
@@ -182,4 +182,4 @@ Examples:
   stiction robot check robot.yaml
   stiction robot show robot.yaml --out robot
   stiction robot list"""
-"""What `stiction robot --help` says."""
+"""Text of `stiction robot --help`."""

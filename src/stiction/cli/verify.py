@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> None:
 
 
 def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
-    """Return a bundle that passed every check. given: as typed; known: `expected` or `allowed`, as its digest was."""
+    """Return the glance at a valid bundle; bundle_path: as typed; known: digest `expected` or `allowed`, or None."""
     from stiction.files.golden import exercise_of
     from stiction.files.known_friction import known_friction_text
     from stiction.files.onset import golden_motion, predict_onset

@@ -112,7 +112,10 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
 
 
 def _of_unit(torque_data: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
-    """Return what a torque column rests on; given: `torque_unit`; links: its scale by the links of a limb, or None."""
+    """Return the assumptions behind a torque column.
+
+    torque_data: `torque_unit` of the record; links: its scale by the links of a limb, or None.
+    """
     declared = torque_data["declared"]
     if torque_data["column"] == "torque":
         flags, what = ("--torque-scale",), f"the torque is in {unit}"
@@ -166,23 +169,23 @@ WITHOUT_TASK = "cannot be told without the task"
 
 @dataclass(frozen=True)
 class TrainingNeed:
-    """What the friction of one joint asks of a training."""
+    """Requirements that the friction of one joint sets for training."""
 
     level: float | None
     """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
     without a torque limit, beyond what can be trained, and where the fit is not valid."""
     lines: tuple[str, ...]
-    """How much friction there is, whether it matters, and what to run; or what to do first, why, and what not to do."""
+    """Amount of friction, its importance, and the command to run; or the first step, its reason, and steps to avoid."""
     details: tuple[str, ...] = ()
-    """What the lines rest on, a sentence or more each."""
+    """Evidence for the lines, one or more sentences each."""
     placement: tuple[Placement, ...] = ()
     """Rank of ratio and dead band among public joints of the same condition."""
     advice: Advice | None = None
-    """What to train with; None without a level."""
+    """Training method and settings; None without a level."""
     training: dict[str, Any] | None = None
     """Fields of `task.friction` in a run's configuration; None without a level."""
     proposal: str = ""
-    """What that training is or draws, and what of the joint's friction it covers; begins with a verb."""
+    """Description of that training and the friction that it covers; begins with a verb."""
     assumes: tuple[str, ...] = ()
     """Flags whose numbers the friction rests on and nothing in the log shows; the first line says so."""
     answer: str = "cannot be told"

@@ -121,7 +121,7 @@ class BenchRow:
 
 @dataclass(frozen=True)
 class Day:
-    """What a day's folder holds."""
+    """Content of a day's folder."""
 
     walks: tuple[Walk, ...]
     joints: tuple[JointFriction, ...]
@@ -300,8 +300,11 @@ def missing(day: Day, rows: Sequence[BenchRow]) -> list[str]:
     policies, conditions, commands = (
         sorted({getattr(row, name) for row in rows}) for name in ("policy", "condition", "command")
     )
-    lines = [f"no second {name}: nothing to compare" for name, values in (("policy", policies), ("friction", conditions))
-            if len(values) < 2]  # fmt: skip
+    lines = [
+        f"no second {name}: nothing to compare"
+        for name, values in (("policy", policies), ("friction", conditions))
+        if len(values) < 2
+    ]
     by_cell = {(row.policy, row.condition, row.command): row for row in rows}
     for cell in product(policies, conditions, commands):
         where, row = f"{cell[0]}, {cell[1]}, {cell[2]}", by_cell.get(cell)

@@ -211,7 +211,7 @@ DEFINITIONS = (
     ("flight", "share of moving steps with no foot on the ground; a dash where the robot does not move"),
     (MOVING, "share of all steps in which the robot moves; none after a fall"),
 )
-"""What the columns mean, in the order of the table."""
+"""Meaning of the columns, in the order of the table."""
 
 
 CONDITIONS = (
@@ -219,13 +219,13 @@ CONDITIONS = (
     "are the nominal ones of the policy's training, masses those of the robot's specification. All of these are held "
     "fixed here, while training randomises them; so are:"
 )
-"""What was not varied, on the robot of the data sheet."""
+"""Quantities not varied, on the robot of the data sheet."""
 
 VIRTUAL = (
     "A name behind a + is a virtual robot in that engine: what of it is real differs from the data sheet by numbers "
     "that nobody who trained or drives a policy has read. Robots with the seeds {}; each walks every episode."
 )
-"""What a virtual robot is."""
+"""Definition of a virtual robot."""
 
 FED_FORWARD = (
     "Policies called +forward are those of that name with dry friction fed forward in the joint controllers: f sat((a "
@@ -235,10 +235,10 @@ FED_FORWARD = (
     "law's own level on the robot of the data sheet, and on a virtual robot what was identified from the log of that "
     "robot's own bench."
 )
-"""What a policy with friction fed forward is."""
+"""Definition of a policy with friction fed forward."""
 
 INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots where those are virtual."
-"""What stands behind a rate."""
+"""Meaning of the brackets after a rate."""
 
 MEASURES = ("speed_ratio", "tracking_error", "fall_rate", "joint_jitter")
 """Columns of results.csv that the table of training methods shows."""
@@ -248,7 +248,7 @@ SAMPLES = (
     "none. In brackets behind falls: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs "
     "of policy and robot. More columns, and every seed's numbers, are in methods.csv."
 )
-"""What stands behind a training method."""
+"""Meaning of the numbers after a training method."""
 
 OVER_SEEDS = (
     "A training method with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
@@ -268,7 +268,7 @@ FIXED = {
 
 
 FILES = ("results.csv", "methods.csv", "summary.json", "friction_budget.svg", "friction_budget.png", "report.html")
-"""What `write_evaluation` writes."""
+"""Files that `write_evaluation` writes."""
 
 
 def write_evaluation(

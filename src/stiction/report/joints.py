@@ -1,4 +1,4 @@
-"""What an identification says, in words and cells, for terminal and page alike."""
+"""Words and table cells of an identification, for terminal and page alike."""
 
 from __future__ import annotations
 

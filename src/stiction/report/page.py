@@ -48,7 +48,7 @@ COLORS = ("#2667a6", "#ff660d", "#0fa766", "#b47090", "#766324", "#813ee2")
 """Line colours that read on both backgrounds, and are apart to colour-blind eyes too: a test simulates them."""
 
 STYLES = ("-", (0, (5, 1.5)), "-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (2.5, 1)))
-"""Line styles, beside the colours: who sees none of those, or prints in grey, still tells the lines apart."""
+"""Line styles, distinguishable without colour."""
 
 MARKS = ("o", "s", "^", "D", "v", "P")
 """Points of single policies, likewise."""
@@ -61,7 +61,7 @@ class Section:
     title: str
     """Heading."""
     blocks: tuple[Markup, ...]
-    """What stands under it, in order."""
+    """Content of the section, in order."""
 
 
 @cache
@@ -109,7 +109,7 @@ def row_table(rows: Sequence[Any], caption: str = "", grouped: bool = False) -> 
 
 
 BLANKS = ("", "-", "–", "none", "not known")
-"""What stands in a column of numbers where there is no number."""
+"""Cells without a number in a column of numbers."""
 
 
 def _is_word(cell: str) -> bool:
@@ -222,7 +222,7 @@ def labelled(axis: Axes) -> dict[str, Any]:
 
 
 UNNAMED = re.compile(r"(_child\d+|_container\d+|_nolegend_)?")
-"""What matplotlib calls what has no label."""
+"""Names that matplotlib gives to artists without a label."""
 
 
 def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings: Any) -> None:
@@ -329,7 +329,7 @@ UNUSED = {
     "'DejaVu Sans'[^;\"]*": "inherit",
     f"(?<=: ){INK}": "var(--soft)",
 }
-"""What matplotlib writes into an SVG file and a page has no use for -> what stands there instead."""
+"""Pattern in an SVG file of matplotlib -> its replacement on a page."""
 
 
 def figure_block(figure: Figure, caption: str) -> Markup:
@@ -399,10 +399,10 @@ def anchors(titles: Sequence[str]) -> list[str]:
 
 
 class Spread(NamedTuple):
-    """What the training seeds reached at one place of the horizontal axis."""
+    """Spread of the training seeds at one place of the horizontal axis."""
 
     place: float
-    """Where that is, in the axis' unit."""
+    """Position on the horizontal axis, in its unit."""
     mean: float
     """Mean over the seeds."""
     low: float | None
@@ -478,13 +478,13 @@ class Sheet:
     """A table of text with a title."""
 
     title: str
-    """What it shows."""
+    """Heading of the table."""
     header: tuple[str, ...]
     """Names of the columns."""
     rows: tuple[tuple[str, ...], ...]
     """The cells."""
     note: str = ""
-    """What a reader must know."""
+    """Remark for the reader."""
 
     def html(self) -> Markup:
         """Return it as a block of a page."""

@@ -1,4 +1,4 @@
-"""What verbs share on the terminal: a console for names from files, progress of named pieces of work, how to stop."""
+"""Terminal output shared by the verbs: console for names from files, progress of named work, clean stop."""
 
 from __future__ import annotations
 
