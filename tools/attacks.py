@@ -62,7 +62,7 @@ class Unit(NamedTuple):
     first: int
     """Number of the first."""
     count: int
-    """How many."""
+    """Number of attacks."""
     do: Callable[[int, int], dict[str, Any]]
     """Called with both; returns `ends` (what came of how many), `wrong`, `slowest` [s] and `memory` [B]."""
 

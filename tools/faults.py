@@ -44,7 +44,7 @@ BUS, GOOD, KILLED = 20.0, 60.0, 100.0
 """Maximum delays to the bus [ms]: from detection, from the last good state, from SIGKILL."""
 
 TRIES = 3
-"""How often a trial is made whose run ended before its fault came, as it does on a machine that is too busy."""
+"""Number of attempts at a trial whose run ended before its fault, as on a machine that is too busy."""
 
 
 def trial(fault: str, number: int, folder: Path) -> dict[str, object]:

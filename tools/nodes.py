@@ -44,11 +44,11 @@ class Row:
     """One number of nodes, and how often they are taken."""
 
     nodes: int
-    """How many, of `PROCESSORS` each."""
+    """Number of nodes, of `PROCESSORS` each."""
     hours_between_losses: float
     """Mean life of a node [h]; inf: none is taken."""
     trainings: int
-    """How many, each with its evaluation."""
+    """Number of trainings, each with its evaluation."""
     hours: float
     """Until the last is done [h], median over the seeds."""
     hours_low: float

@@ -27,10 +27,10 @@ from typing import Any
 from attacks import POLICY, SMALL, THREADS, digest, environment, found, row_of, write_table
 
 LIMIT = 30.0
-"""How long what is left of a training may take to end [s]."""
+"""Maximum time for the rest of a training to end [s]."""
 
 PATIENCE = 600.0
-"""How long anything may take at all [s]."""
+"""Maximum time of any step [s]."""
 
 STUDY = f"study wear {POLICY} --robots 1000 1001 --seconds 14 --engine mujoco"
 """Work of the cluster: six walks."""

@@ -70,7 +70,7 @@ class Row:
     install: float | None
     """Environment and installation [s]; None: it was there."""
     seconds: float
-    """From then to the answer [s]."""
+    """Time from then to the answer [s]."""
     processor: float
     """Processor time of all its processes [s]."""
     load: float

@@ -159,7 +159,7 @@ def titles(folder: Path) -> None:
 
 
 def packed(folder: Path) -> None:
-    """The same, packed."""
+    """Write the same log, compressed."""
     canonical(folder)
     content = (folder / "log.csv").read_bytes()
     (folder / "log.csv").unlink()
@@ -372,7 +372,7 @@ def unitree_json(folder: Path) -> None:
 
 
 def unitree_csv(folder: Path) -> None:
-    """The same as a table, with names as PlotJuggler gives them."""
+    """Write the same log as a table, with names as PlotJuggler gives them."""
     head = [f"/lowstate/motor_state[{j}]/{name}" for j in range(2) for name in ("q", "dq", "tau_est")]
     table = rows(START + TIME, *(array[:, j] for j in range(2) for array in (POSITION, VELOCITY, TORQUE)))
     text(folder / "log.csv", ",".join(["__time", *head]) + "\n", table, fmt="%.13g")

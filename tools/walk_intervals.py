@@ -49,7 +49,7 @@ whose interval holds the truth, empty where it is not stated. `error_...`, `half
 
 @dataclass(frozen=True)
 class Condition:
-    """How a log was made and read."""
+    """Condition under which a log was made and read."""
 
     every: int
     placed: bool = True

@@ -47,7 +47,7 @@ class Designed(Result):
 
     @property
     def trajectory(self) -> Log:
-        """Both as a log, with gains and limits, for `write_log`."""
+        """Trajectory as a log, with gains and limits, for `write_log`."""
         return self.excitation.trajectory
 
     @property

@@ -39,7 +39,7 @@ class Identified(Result):
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """How much friction, whether it matters, what to do: a line each; of several joints, of the worst."""
+        """Amount of friction, its importance, next step: one line each; of several joints, of the worst."""
         from stiction.report.joints import lead_lines
 
         return lead_lines(self.file)

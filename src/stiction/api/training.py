@@ -36,7 +36,7 @@ class Trained(Result):
     """A finished run."""
 
     path: Path
-    """Its folder: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
+    """Folder of the run: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
     summary: dict[str, Any]
     """Content of summary.json."""
 

@@ -83,7 +83,7 @@ class DeployCfg:
     bundle: Annotated[Path, ARGUMENT]
     """Directory of the bundle, or the name of one that comes with the package."""
     robot: str = "virtual"
-    """How the robot is reached: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
+    """Address of the robot: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
     held: HeldCfg = field(default_factory=HeldCfg, metadata=UNITREE)
     """Gains of joints that the robot has and the policy does not move, of a Unitree robot."""
     domain: int = field(default=0, metadata=UNITREE)

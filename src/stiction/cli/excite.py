@@ -81,7 +81,7 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
 
 
 def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
-    """Say how long to run what."""
+    """Return instructions to play the trajectory, one per line."""
     reached, limits, wanted = design.reached, design.limits, design.wanted
     best = min((sine.worst for sine in design.sines), default=None)
     lines = [

@@ -71,7 +71,7 @@ class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
     torque_limit: float | None = None
     """Largest torque of the motors [N m]; by default the robot's."""
     torque_source: Literal["motor_side", "output_side"] | None = None
-    """Where torque was measured: motor_side is current or command, output_side a sensor behind the gear."""
+    """Place of the torque measurement: motor_side is current or command, output_side a sensor behind the gear."""
     torque_scale: float | None = None
     """N m per unit of the torque column."""
     position_scale: float | None = None

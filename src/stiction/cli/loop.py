@@ -34,7 +34,7 @@ SECONDS = 12.0
 """Length of the walk [s]."""
 
 TRIES = 3
-"""How often a run is made on a machine that was too busy for it."""
+"""Number of attempts at a run on a machine too busy for it."""
 
 WAITS, WAITS_FOR_POLICY = ("--stale", "0.5", "--gap", "0.5"), ("--silence", "2")
 """How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here

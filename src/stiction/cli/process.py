@@ -66,7 +66,7 @@ class Stream:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """Say, or bear, that the stream cannot be written; Python will not try again when it closes it."""
+        """Handle a stream that cannot be written, so that Python does not try again on closing it."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
         # What is left in the buffer is written at exit, and must not fail there once more.
         os.dup2(nowhere, self._file.fileno())

@@ -1,4 +1,4 @@
-"""How much friction, does it matter, what to run: three lines, and behind them the numbers that they rest on.
+"""Verdict on a joint in three lines (friction, importance, command to run), and the numbers behind them.
 
 Where the fit is not valid the three lines say what to do first, why, and that there is no level. Of walking is spoken
 where the joint is a leg's. From which friction on a policy suffers, which training to choose, and what it covers: see
@@ -268,7 +268,7 @@ def judge(
 
 
 def _invalid(record: JointRecord) -> tuple[str, ...]:
-    """Say what to do first, why, and what not to do."""
+    """Return the first step, its reason, and steps to avoid."""
     first, *more = record.objections
     others = f" And {len(more)} more: {'; '.join(one.seen for one in more)}." if more else ""
     return (
@@ -279,7 +279,7 @@ def _invalid(record: JointRecord) -> tuple[str, ...]:
 
 
 def _how_much(record: JointRecord) -> str:
-    """Say how much dry friction there is, at rest where that is more, of what limit, under which condition."""
+    """Return the amount of dry friction (at rest if larger), as a share of the limit, and the condition of the test."""
     measured = "measured " + CONDITIONS.get(record.test_condition or "", "under a condition that was not stated")
     ratio, less, limit = record.friction_ratio, record.dynamic_ratio, record.torque_limit
     moving, holding = record.moving_friction, record.holding_friction
@@ -305,7 +305,7 @@ def _how_much(record: JointRecord) -> str:
 
 
 def _ignored(record: JointRecord) -> str:
-    """Say which position errors the joint ignores."""
+    """Return the position errors that the joint ignores."""
     if record.dead_band is None:
         return "The dead band f/kp would tell what position errors the joint ignores (--kp)."
     low, high = record.dead_band.interval95
@@ -366,7 +366,7 @@ def _to_do(record: JointRecord, level: float | None, legs: bool) -> tuple[str, s
 
 
 def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:
-    """Say what the advised training is or draws, and what of a joint's friction it covers and does not.
+    """Return the advised training, and the friction of the joint that it covers and omits.
 
     drawn: what it draws of friction at rest, in words; empty where it draws none.
     """
@@ -386,7 +386,7 @@ def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:
 
 
 def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice: Advice | None) -> tuple[str, ...]:
-    """Say what the lines rest on, and what the log leaves open."""
+    """Return the evidence behind the lines, and questions that the log leaves open."""
     details = [_ignored(record)] if legs else []
     details += [rank.text for rank in ranks]
     if record.axis == "rotary" and record.test_condition != "loaded":
@@ -456,7 +456,7 @@ def propose(file: JointsFile) -> dict[str, Any]:
 
 
 def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
-    """Say which joint sets the level, and which joints were not asked."""
+    """Return the joint that sets the level, and the joints left out."""
     record = file.joints[worst]
     measured = CONDITIONS.get(record.test_condition or "", "under no stated condition")
     text = f"provisional; level {levels[worst]:g} of {worst}, the worst of {len(levels)}, measured {measured}"

@@ -72,7 +72,7 @@ Scene = tuple[str, str]
 """Engine and ground of a row."""
 
 DEFAULT: Scene = ("mujoco", "flat")
-"""Where policies walk unless something else is asked for."""
+"""Default engine and ground of an evaluation."""
 
 
 def _scene(row: ResultRow | Sample) -> Scene:

@@ -134,7 +134,7 @@ def counts_sheet(cells: Sequence[CommandCount]) -> Sheet:
 
 
 def places_text(tried: Mapping[str, bool]) -> str:
-    """Say at which places something was seen: `from 0 to 20 % and at 30 %`; at none: `nowhere`.
+    """Return the places of an observation: `from 0 to 20 % and at 30 %`; at none: `nowhere`.
 
     tried: place in words -> whether it was seen there; three or more that were tried one after the other are a span.
     """

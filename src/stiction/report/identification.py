@@ -247,7 +247,7 @@ def _combinations(record: JointRecord) -> tuple[Markup, ...]:
 
 
 def _setting(record: JointRecord) -> Markup:
-    """Say how the log was made."""
+    """Return the conditions under which the log was made."""
     position, torque = axis_units(record)
     gain = "N" if record.axis == "linear" else "N m"
     settings = {

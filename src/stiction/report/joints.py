@@ -235,6 +235,6 @@ def value_rows(joints: JointsFile) -> list[list[str]]:
 
 
 def contact_line(joints: JointsFile) -> str:
-    """Say where it is known from which feet bore load."""
+    """Return the sources of the foot contacts, empty without any."""
     sources = {record.diagnostics["contact"] for record in joints.joints.values() if "contact" in record.diagnostics}
     return f"feet on the ground, from {'; '.join(sorted(sources))}" if sources else ""

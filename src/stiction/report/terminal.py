@@ -99,7 +99,7 @@ class StopRequest:
         self.signal = 0
 
     def __call__(self) -> bool:
-        """Say whether somebody asked to stop."""
+        """Return whether a stop was requested."""
         return self.signal != 0
 
     @property

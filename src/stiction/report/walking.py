@@ -85,7 +85,7 @@ def _panels(count: int, label: str) -> tuple[Figure, list[Axes]]:
 
 
 def _condition(joints: JointsFile) -> Markup:
-    """Say what the numbers rest on."""
+    """Return the assumptions behind the numbers."""
     merged = [name for name, record in joints.joints.items() if name not in record.diagnostics.get("joints", [name])]
     note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
     contact = contact_line(joints)
