@@ -15,39 +15,43 @@ from stiction.core.plugins import VERBS as VERB_GROUP
 from stiction.core.plugins import find_installed
 from stiction.core.provenance import limit_library_threads
 
-VERBS = {
-    "demo": "run the whole line on small input, explained on one page",
-    "list": "list the robots, policies and engines that come with stiction",
-    "robot": "check a robot's file, show its values and their origins",
-    "excite": "design the log for identification, before any motion",
-    "identify": "find a joint's inertia and friction from a log, with intervals",
-    "convert": "write joints and ranges for simulators and trainers",
-    "train": "train a policy to walk, with or without joint friction",
-    "runs": "list training runs, or compare some of them",
-    "evaluate": "drive a bundle over engines, friction, grounds, commands",
-    "report": "put a day's runs on a robot beside their prediction",
-    "replicate": "run the paper's comparison, and judge its sentences",
-    "train-actuator": "fit an Actuator Net to logs of walks",
-    "study": "run an experiment behind the results, and write its page",
-    "import": "turn a policy in ONNX, trained elsewhere, into a bundle",
-    "export": "turn a run into a bundle, or a bundle into others' formats",
-    "sign": "sign a policy bundle, or make a key",
-    "verify": "check a policy bundle: files, contract, golden vectors",
-    "deploy": "run a bundle on a robot, real or virtual, under a supervisor",
-    "view": "interactive browser viewer with friction sliders",
-    "bench": "benchmark simulation and training throughput",
-    "doctor": "describe the machine; audit randomisation, also mjlab's",
-}
-"""Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
-
 GROUPS = {
-    "Measure": ("excite", "identify", "train-actuator", "convert"),
-    "Train": ("train", "export", "import"),
-    "Check": ("robot", "verify", "evaluate", "report"),
-    "Run": ("demo", "deploy", "view"),
-    "Tools": ("list", "doctor", "sign", "bench", "study", "replicate"),
+    "Measure": {
+        "excite": "design the log for identification, before any motion",
+        "identify": "find a joint's inertia and friction from a log, with intervals",
+        "train-actuator": "fit an Actuator Net to logs of walks",
+        "convert": "write joints and ranges for simulators and trainers",
+    },
+    "Train": {
+        "train": "train a policy to walk, with or without joint friction",
+        "runs": "list training runs, or compare some of them",
+        "export": "turn a run into a bundle, or a bundle into others' formats",
+        "import": "turn a policy in ONNX, trained elsewhere, into a bundle",
+    },
+    "Check": {
+        "robot": "check a robot's file, show its values and their origins",
+        "verify": "check a policy bundle: files, contract, golden vectors",
+        "evaluate": "drive a bundle over engines, friction, grounds, commands",
+        "report": "put a day's runs on a robot beside their prediction",
+    },
+    "Run": {
+        "demo": "run the whole line on small input, explained on one page",
+        "deploy": "run a bundle on a robot, real or virtual, under a supervisor",
+        "view": "interactive browser viewer with friction sliders",
+    },
+    "Tools": {
+        "list": "list the robots, policies and engines that come with stiction",
+        "doctor": "describe the machine; audit randomisation, also mjlab's",
+        "sign": "sign a policy bundle, or make a key",
+        "bench": "benchmark simulation and training throughput",
+        "study": "run an experiment behind the results, and write its page",
+        "replicate": "run the paper's comparison, and judge its sentences",
+    },
 }
-"""Heading of `stiction --help` -> its verbs."""
+"""Heading of `stiction --help` -> verb -> what it does. The module is `stiction.cli.<verb>`, with _ for -."""
+
+VERBS = {verb: text for verbs in GROUPS.values() for verb, text in verbs.items()}
+"""Verb -> what it does."""
 
 INSTALLED = frozenset({"replicate", "study", "bench"})
 """Verbs that are entry points of the distribution of the experiments."""

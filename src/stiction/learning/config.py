@@ -239,21 +239,21 @@ class TrainCfg:
     seed: int = 0
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
-    """How left-right symmetry is enforced. `batches`: samples and mirror images, at twice the update's cost. `half`:
+    """Left-right symmetry. `batches`: samples and mirror images, at twice the update's cost. `half`:
     at no cost, in half as many passes. `network`: networks symmetric by construction."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = field(
         default=None, metadata=excludes("--task.randomization.stiffness", "--task.randomization.action-delay")
     )
-    """Folder of `stiction train-actuator`, whose net replaces the joints' PD law, its gains and its delay."""
+    """Folder of an Actuator Net, in place of the joints' PD law, gains and delay."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
     device: DeviceName = "cpu"
     """Compute device. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
     robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower, to try it without a GPU."""
     engine: EngineName = "mujoco"
-    """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
+    """Physics engine. All but `mujoco` take a robot at a time, ten times slower and more, on flat
     ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
     contacts: Annotated[int, SETTING] = field(default=32, metadata=needs("--device cuda or warp-cpu"))
     """Largest number of contacts of a robot in MuJoCo Warp; more stop the run."""
@@ -261,7 +261,7 @@ class TrainCfg:
     """Iterations between short clips of the policy, in `clips/`; 0: none. A process of its own renders each from a
     checkpoint in some seven seconds."""
     logger: LoggerName = "tensorboard"
-    """Service that shows the curves and clips. `wandb` and `trackio` are extras of their names; one that fails does not
+    """Target of curves and clips. `wandb` and `trackio` are extras of their names; one that fails does not
     end the training, and metrics.jsonl is always written."""
     stop: StopCfg = field(
         default_factory=StopCfg,

@@ -166,7 +166,7 @@ class TaskCfg:
     """Settings of the task, velocity tracking."""
 
     robot: Annotated[str, flag("--robot")] = "saturn_lite"
-    """Robot: a shipped one, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
+    """Shipped robot, robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
     timestep: float = 0.005
     """Physics step [s]."""
     decimation: int = 4
