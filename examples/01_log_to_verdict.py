@@ -11,13 +11,13 @@ if not Path("swing.csv").exists():
     write_log(Path("swing.csv"), example_log(LEG, seed=1))
 
 log = stiction.load_log("swing.csv")  # gains and torque limit are in swing.json beside it
-found = stiction.identify(log)
-print(found)
+result = stiction.identify(log)
+print(result)
 
-for name, joint in found.joints.items():
+for name, joint in result.joints.items():
     friction = joint.coulomb_friction
     if friction is not None:  # what a log does not show is None, and a warning says why
         low, high = friction.interval95
         print(f"{name}: Coulomb friction {friction.value:.3f} N m, 95 %: {low:.3f} to {high:.3f}")
 
-print("written:", found.save("identified") / "report.html")
+print("written:", result.save("identified") / "report.html")

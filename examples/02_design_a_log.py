@@ -18,6 +18,6 @@ print("written:", design.save("excite") / "trajectory.csv")
 
 # Play it back on your robot. Until then: the joint as guessed, with the noise of small geared actuators.
 log = design.simulate(seed=0)
-found = stiction.identify(log, test_condition="bare_motor")
-friction = found["knee"].coulomb_friction
+result = stiction.identify(log, test_condition="bare_motor")
+friction = result["knee"].coulomb_friction
 print(f"Coulomb friction {friction.value:.3f} ± {friction.std:.3f} N m, and the truth is 0.2")

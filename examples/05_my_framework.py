@@ -20,8 +20,8 @@ result = stiction.evaluate(
 print(f"standing, falls: {result.rows[0].fall_rate:.0%}")
 
 # The level of friction to cover, from a log; each robot draws its own, once an episode, from none up to it.
-found = stiction.identify(example_log(seed=2), test_condition="loaded")
-level = found.training["joints"]["shank"]["friction_level"]
+identified = stiction.identify(example_log(seed=2), test_condition="loaded")
+level = identified.training["joints"]["shank"]["friction_level"]
 share = np.random.default_rng(0).uniform(0.0, level, size=(4096, 1))
 friction = share * robot.joint_values("torque_limit")
 print(f"level {level:g}; Coulomb friction of {friction.shape} joints: {friction.min():.3f} to {friction.max():.3f} N m")

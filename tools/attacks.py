@@ -58,11 +58,11 @@ class Unit(NamedTuple):
     """Some attacks that are done together, and kept together."""
 
     attack: str
-    """What is done, for the table."""
+    """Description of the attack, for the table."""
     first: int
     """Number of the first."""
     count: int
-    """How many."""
+    """Number of attacks."""
     do: Callable[[int, int], dict[str, Any]]
     """Called with both; returns `ends` (what came of how many), `wrong`, `slowest` [s] and `memory` [B]."""
 
@@ -115,14 +115,14 @@ def folders(first: int, count: int) -> dict[str, Any]:
     wrong: list[str] = []
     slowest = 0.0
     for seed in range(first, first + count):
-        said = io.StringIO()
+        errors = io.StringIO()
         resumed = seed % 2 == 0
         path = copy_run(half if resumed else whole, Path(folder.name) / "attacked")
         done = attack(path, seed)
         start = time.process_time()
         try:
             if resumed:
-                with contextlib.redirect_stderr(said):
+                with contextlib.redirect_stderr(errors):
                     status = main(["train", "--resume", str(path)])
             else:
                 run = RunDirectory(path)
@@ -134,8 +134,8 @@ def folders(first: int, count: int) -> dict[str, Any]:
         except Exception as error:
             wrong.append(f"{seed} ({done}): {type(error).__name__}: {str(error)[:100]}")
             continue
-        if "unforeseen" in said.getvalue():
-            wrong.append(f"{seed} ({done}): {said.getvalue().splitlines()[-1][:200]}")
+        if "unforeseen" in errors.getvalue():
+            wrong.append(f"{seed} ({done}): {errors.getvalue().splitlines()[-1][:200]}")
         took = time.process_time() - start
         if took > LIMIT_SECONDS:
             wrong.append(f"{seed} ({done}): {took:.1f} s")
@@ -161,11 +161,13 @@ def separately(program: str, *words: str) -> dict[str, Any]:
         )
     if done.returncode != 0:
         return found({}, [f"{program} {' '.join(words)}: {done.returncode} {done.stderr[-300:]}"], 0.0)
-    said = json.loads(done.stdout)
-    taken = said.get("taken", said.get("accepted", []))
+    summary = json.loads(done.stdout)
+    taken = summary.get("taken", summary.get("accepted", []))
     taken, named = (taken, []) if isinstance(taken, int) else (len(taken), taken)
-    wrong = [*said["wrong"], *(f"accepted: {name}" for name in named if words[0] != "random")]
-    return found({"refused in one line": said["refused"], "taken": taken}, wrong, said["slowest"], said["growth"])
+    wrong = [*summary["wrong"], *(f"accepted: {name}" for name in named if words[0] != "random")]
+    return found(
+        {"refused in one line": summary["refused"], "taken": taken}, wrong, summary["slowest"], summary["growth"]
+    )
 
 
 def children_of(pid: int) -> set[int]:
@@ -177,13 +179,13 @@ def children_of(pid: int) -> set[int]:
         except (OSError, IndexError):
             continue
         parents.setdefault(parent, []).append(child)
-    found: set[int] = set()
+    descendants: set[int] = set()
     left = [pid]
     while left:
         new = parents.get(left.pop(), [])
-        found |= set(new)
+        descendants |= set(new)
         left += new
-    return found
+    return descendants
 
 
 def digest(folder: Path) -> str:
@@ -292,8 +294,8 @@ def writers(first: int, count: int) -> dict[str, Any]:
             for number in range(first, first + count):
                 path = (run, walks)[number % 2]
                 done = subprocess.run([*program, *second[path]], env=own, capture_output=True, text=True, check=False)
-                said = f"is being written by process {holders[path].pid} on "
-                if done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1:
+                refusal = f"is being written by process {holders[path].pid} on "
+                if done.returncode == 1 and refusal in done.stderr and done.stderr.count("\n") == 1:
                     refused += 1
                 else:
                     wrong.append(f"writer {number} into {path.name}: {done.returncode}, {done.stderr[-200:]!r}")

@@ -284,14 +284,14 @@ class Corpus:
         """
         folder = self.folder / cwd
         folder.mkdir(parents=True, exist_ok=True)
-        said = shlex.split(words)
-        torch = self.part in LEARNING and said[0] in TRAINING
-        done = self.warm[torch].run(folder, self.folder / "own", said)
+        arguments = shlex.split(words)
+        torch = self.part in LEARNING and arguments[0] in TRAINING
+        done = self.warm[torch].run(folder, self.folder / "own", arguments)
         if quiet:
             if done.returncode:
                 raise SystemExit(f"stiction {words}\n{done.stderr}")
             return 0
-        out = folder / said[said.index("--out") + 1] if "--out" in said else None
+        out = folder / arguments[arguments.index("--out") + 1] if "--out" in arguments else None
         written = sorted(path for path in out.rglob("*") if path.is_file()) if out and out.is_dir() else []
         if out and out.is_file():
             written = [out]
@@ -301,7 +301,7 @@ class Corpus:
         text = f"$ stiction {words}\nstatus {done.returncode}\n"
         if moving:
             text += "files: " + " ".join(sorted({re.sub(r"\d+", "0", one) for one in names}))
-        elif "--json" in said and done.returncode == 0:
+        elif "--json" in arguments and done.returncode == 0:
             text += f"{lines_of(settled(json.loads(done.stdout)))}\n--- standard error\n{done.stderr}"
         else:
             text += f"{done.stdout}\n--- standard error\n{done.stderr}\n--- files\n" + "\n".join(names)
@@ -326,19 +326,19 @@ def main() -> int:
     check.add_argument("folder", type=Path, nargs="?", help="frozen corpus; without it, tools/corpus.sha256")
     for verb in (freeze, check):
         verb.add_argument("--only", nargs="+", choices=PARTS, metavar="PART", help=f"of {', '.join(PARTS)}")
-    given = parser.parse_args()
-    parts = given.only or [name for name, part in PARTS.items() if not part.long]
+    options = parser.parse_args()
+    parts = options.only or [name for name, part in PARTS.items() if not part.long]
     changed = 0
     for name in parts:
         new = made(name, PARTS[name].make)
-        if given.verb == "freeze":
-            store(given.out, name, new)
+        if options.verb == "freeze":
+            store(options.out, name, new)
         else:
-            changed += compare(name, new, given.folder)
-    if given.verb == "freeze":
-        files = [path for name in parts for path in stored(given.out / name)]
+            changed += compare(name, new, options.folder)
+    if options.verb == "freeze":
+        files = [path for name in parts for path in stored(options.out / name)]
         digests = {name: digest for name, digest in committed().items() if name.partition("/")[0] not in parts}
-        digests |= {str(path.relative_to(given.out)): short(path.read_bytes()) for path in files}
+        digests |= {str(path.relative_to(options.out)): short(path.read_bytes()) for path in files}
         DIGESTS.write_text("".join(f"{digest}  {name}\n" for name, digest in sorted(digests.items())))
         print(f"{len(files)} artefacts; digests: {DIGESTS}")
     else:

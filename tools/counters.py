@@ -1,7 +1,7 @@
 """Count what the size and the weight of the house are: lines, modules, flags, import times, modules of a command.
 
     python tools/counters.py            # everything, some minute of a core
-    python tools/counters.py lines      # one group: lines, tree, flags, times, modules
+    python tools/counters.py lines      # one group: lines, words, tree, flags, times, modules
 
 Counting: `code` are lines that are neither blank, comment nor docstring; a string that stands alone is a docstring.
 Times are processor time (user and system) of a fresh process, the least of seven, less that of an empty one: other
@@ -21,7 +21,11 @@ import sys
 import tempfile
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/helpers"))
+
 import corpus_logs as logs
+
+from plain_words import TREES, violations
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
@@ -78,6 +82,13 @@ def count_lines() -> None:
                 f"{name}: {len(paths)} modules, {total} lines, {code} of code, {documented / total:.1%} docstrings, "
                 f"longest module {max(one[0] for one in counted)}, {sum(one[0] < 40 for one in counted)} under 40 lines"
             )
+
+
+def count_words() -> None:
+    """Print the docstrings and variables of each folder of code that have to be read twice."""
+    for name in TREES:
+        counts = {rule: len(lines) for rule, lines in violations(CHECKOUT / name).items()}
+        print(f"words to reread in {name}:", ", ".join(f"{count} {rule}" for rule, count in counts.items()))
 
 
 def count_tree() -> None:
@@ -150,6 +161,7 @@ def count_modules() -> None:
 
 GROUPS = {
     "lines": count_lines,
+    "words": count_words,
     "tree": count_tree,
     "flags": count_flags,
     "times": count_times,

@@ -157,9 +157,9 @@ def exchanges(bundle: Bundle, seed: int) -> list[dict[str, object]]:
     # A walk may end by a fall, which is found as such.
     begins = range(second, len(record) - (2 if row["rule"] else 1) * second, second)
     names = bundle.contract.joint_names[: len(record[0][0].joint_torque) // len(record[0][0].foot_contact)]
-    found = [sum(is_found(bundle, record, joint, begin) for begin in begins) for joint in range(len(names))]
+    counts = [sum(is_found(bundle, record, joint, begin) for begin in begins) for joint in range(len(names))]
     return [{"robot": bundle.contract.robot, "seed": seed, "joint": name, "trials": len(begins), "within_300_ms": count}
-            for name, count in zip(names, found, strict=True)]  # fmt: skip
+            for name, count in zip(names, counts, strict=True)]  # fmt: skip
 
 
 def read_policies() -> list[Bundle]:

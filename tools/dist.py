@@ -83,8 +83,8 @@ def run(words: Sequence[str | Path], folder: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name not in own}
     done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = (done.stdout + done.stderr)[-MOST_SAID:]
-        raise SystemExit(f"{shlex.join(map(str, words))}\nended with status {done.returncode}:\n{said}")
+        output = (done.stdout + done.stderr)[-MOST_SAID:]
+        raise SystemExit(f"{shlex.join(map(str, words))}\nended with status {done.returncode}:\n{output}")
 
 
 def promises() -> ModuleType:

@@ -41,10 +41,10 @@ p99 of an idle loop's lateness."""
 
 
 BUS, GOOD, KILLED = 20.0, 60.0, 100.0
-"""What is asked for [ms]: from detection to the bus, from the last good state to the bus, from SIGKILL to the bus."""
+"""Maximum delays to the bus [ms]: from detection, from the last good state, from SIGKILL."""
 
 TRIES = 3
-"""How often a trial is made whose run ended before its fault came, as it does on a machine that is too busy."""
+"""Number of attempts at a trial whose run ended before its fault, as on a machine that is too busy."""
 
 
 def trial(fault: str, number: int, folder: Path) -> dict[str, object]:
@@ -52,12 +52,12 @@ def trial(fault: str, number: int, folder: Path) -> dict[str, object]:
     second = 0.3 + 0.02 * (number % 50)
     words = ["deploy", BUNDLE, "--robot", "virtual", "--armed", "--command", "vx=0.5", "--json", "--duration", "20"]
     words += ["--robot-seed", str(number), "--keep-minutes", "0", "--out", str(folder), "--fault", f"{fault}@{second}"]
-    said, errors = io.StringIO(), io.StringIO()
-    with redirect_stdout(said), redirect_stderr(errors):
+    output, errors = io.StringIO(), io.StringIO()
+    with redirect_stdout(output), redirect_stderr(errors):
         status = deploy(words)
     row: dict[str, object] = {"fault": fault, "trial": number, "status": status}
     try:
-        report = json.loads(said.getvalue())
+        report = json.loads(output.getvalue())
     except ValueError:
         return row | {"rule": f"{BEFORE} {errors.getvalue().strip()[:100]}"}
     stop, seen = report["stop"], report["virtual"]
@@ -135,12 +135,12 @@ def asked(rows: list[dict[str, str]]) -> str:
         timed = [row for row in own if row["fault_ms"]]
         killed = [row for row in timed if row["fault"] == "policy-kill"]
         parts = [f"damped {len(timed)} of {len(own)}"]
-        for what, found, most in (
+        for what, durations, most in (
             (f"within {BUS:g} ms of detection", numbers(timed, "bus_ms"), BUS),
             (f"within {GOOD:g} ms of the last good state", numbers(timed, "good_ms"), GOOD),
             (f"within {KILLED:g} ms of SIGKILL", numbers(killed, "fault_ms"), KILLED),
         ):
-            parts.append(f"{what} {int((found <= most).sum())} of {len(found)}")
+            parts.append(f"{what} {int((durations <= most).sum())} of {len(durations)}")
         lines.append(f"* {name}: {'; '.join(parts)}")
     return "\n".join(lines) + "\n"
 

@@ -53,7 +53,7 @@ def walked(device: str, robots: int, on_host: bool) -> tuple[dict[str, torch.Ten
 
 def compare(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> dict[str, object]:
     """Return the figures of two samples of the same names."""
-    found: list[tuple[float, str]] = []
+    scores: list[tuple[float, str]] = []
     same = 0
     for name, first in one.items():
         second = other[name]
@@ -65,15 +65,15 @@ def compare(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> dic
             z = torch.where(error > 1e-9, gap / error.clamp(min=1e-9), torch.where(gap > 1e-6, WRONG, 0.0))
             z = torch.where((error + gap).isfinite(), z, WRONG)
             same += int((error <= 1e-9).sum())
-            found += [(float(value), f"{name}[{k}]^{power}") for k, value in enumerate(z)]
-    found.sort(reverse=True)
+            scores += [(float(value), f"{name}[{k}]^{power}") for k, value in enumerate(z)]
+    scores.sort(reverse=True)
     return {
-        "compared": len(found),
+        "compared": len(scores),
         "same_in_every_robot": same,
-        "chance": round(min(1.0, (len(found) - same) * math.erfc(found[0][0] / math.sqrt(2))), 3),
-        "largest_z": round(found[0][0], 2),
-        "above_4": sum(z > 4 for z, _ in found),
-        "worst": [f"{name}: {z:.1f}" for z, name in found[:8]],
+        "chance": round(min(1.0, (len(scores) - same) * math.erfc(scores[0][0] / math.sqrt(2))), 3),
+        "largest_z": round(scores[0][0], 2),
+        "above_4": sum(z > 4 for z, _ in scores),
+        "worst": [f"{name}: {z:.1f}" for z, name in scores[:8]],
     }
 
 

@@ -46,8 +46,8 @@ def rate(name: str, robots: int, work: Callable[[], object], times: int) -> dict
 def make_robots(device: str, robots: int, on_host: bool, seed: int = 0) -> LocomotionEnv:
     """Return robots on flat ground with friction up to 24 % of the torque limit; `on_host`: their task."""
     task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
-    found = find_device(device, TrainCfg().contacts, on_host=on_host)
-    return LocomotionEnv(task, robots, seed, num_threads(), None, found)
+    chosen_device = find_device(device, TrainCfg().contacts, on_host=on_host)
+    return LocomotionEnv(task, robots, seed, num_threads(), None, chosen_device)
 
 
 def walking(device: str, robots: int, on_host: bool) -> tuple[LocomotionEnv, Callable[[], object]]:
@@ -67,14 +67,14 @@ def measure(device: str, robots: int, times: int = 48) -> dict[str, float]:
     """Return the figures of a number of robots."""
     start = time.perf_counter()
     env, step = walking(device, robots, on_host=True)
-    found: dict[str, float] = {"robots": robots, "threads": num_threads()}
-    found["first_seconds"] = round(time.perf_counter() - start, 1)
+    measured: dict[str, float] = {"robots": robots, "threads": num_threads()}
+    measured["first_seconds"] = round(time.perf_counter() - start, 1)
     simulation, steps = env.fleet.simulation, env.cfg.decimation
     assert isinstance(simulation, WarpSimulation)
-    found |= rate("bare", robots, lambda: simulation._launch(steps, lambda: simulation._advance(steps)), times)
-    found |= rate("simulator", robots, lambda: simulation.step(steps), times // 4)
-    found |= rate("host_task", robots, step, times // 4)
-    return found | rate("task", robots, walking(device, robots, on_host=False)[1], times)
+    measured |= rate("bare", robots, lambda: simulation._launch(steps, lambda: simulation._advance(steps)), times)
+    measured |= rate("simulator", robots, lambda: simulation.step(steps), times // 4)
+    measured |= rate("host_task", robots, step, times // 4)
+    return measured | rate("task", robots, walking(device, robots, on_host=False)[1], times)
 
 
 def numbers(text: str) -> list[int]:

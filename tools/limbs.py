@@ -59,11 +59,11 @@ def rows_of(limb: Limb, masses: str, logs: int) -> list[dict[str, str]]:
         for log, truth in limb_logs(limb, seeds, masses=masses):
             for joint, record in identify_limb(log, mechanism).joints.joints.items():
                 _judge(joint, record, truth, mechanism.joint_names.index(joint), hits, errors)
-    found = []
+    rows = []
     for joint in mechanism.joint_names:
         error, width, bias = np.array(errors[joint]).T
         covered = {f"covered_{name}": f"{np.mean(hits[joint, name]):.3f}" for name in QUANTITIES}
-        found.append(
+        rows.append(
             {"robot": limb.name, "masses": masses, "joint": joint, "logs": str(logs), "identified": str(len(error))}
             | covered
             | {
@@ -72,7 +72,7 @@ def rows_of(limb: Limb, masses: str, logs: int) -> list[dict[str, str]]:
                 "bias_coulomb_friction": f"{np.mean(bias):.2f}",
             }
         )
-    return found
+    return rows
 
 
 def _judge(

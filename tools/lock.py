@@ -28,11 +28,11 @@ def main() -> None:
     parser.add_argument("new", type=Path, help="the lock with hashes, as uv wrote it")
     parser.add_argument("lock", type=Path, help="the lock of before, which is written over")
     asked = parser.parse_args()
-    found, before = entries(asked.new.read_text()), entries(asked.lock.read_text())
-    for head, hashes in found.items():
+    after, before = entries(asked.new.read_text()), entries(asked.lock.read_text())
+    for head, hashes in after.items():
         if head.partition("==")[0] in MORE:
             hashes += [one for one in before.get(head, []) if one not in hashes]
-    asked.lock.write_text("".join(" \\\n    --hash=".join([head, *hashes]) + "\n" for head, hashes in found.items()))
+    asked.lock.write_text("".join(" \\\n    --hash=".join([head, *hashes]) + "\n" for head, hashes in after.items()))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ DETECTED = 15.0
 """Until Ray knows that a node is gone [s]."""
 
 PROCESSORS = 2
-"""Of a node, as of the machine on which all of this was measured."""
+"""Processors of a node, as on the machine of the measurements."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Row:
     """One number of nodes, and how often they are taken."""
 
     nodes: int
-    """How many, of `PROCESSORS` each."""
+    """Number of nodes, of `PROCESSORS` each."""
     hours_between_losses: float
     """Mean life of a node [h]; inf: none is taken."""
     trainings: int
-    """How many, each with its evaluation."""
+    """Number of trainings, each with its evaluation."""
     hours: float
     """Until the last is done [h], median over the seeds."""
     hours_low: float
@@ -101,8 +101,8 @@ def simulate(nodes: int, life: float, trainings: int, seed: int) -> tuple[float,
 
 def row(nodes: int, hours: float, trainings: int, seeds: int) -> Row:
     """Return what some seeds come to."""
-    found = np.array([simulate(nodes, 3600.0 * hours, trainings, seed) for seed in range(seeds)])
-    middle, ends = np.median(found, axis=0), found[:, 0] / 3600
+    outcomes = np.array([simulate(nodes, 3600.0 * hours, trainings, seed) for seed in range(seeds)])
+    middle, ends = np.median(outcomes, axis=0), outcomes[:, 0] / 3600
     numbers = middle[0] / 3600, ends.min(), ends.max(), middle[1] / 3600, middle[2]
     return Row(nodes, hours, trainings, *(round(float(number), 3) for number in numbers))
 

@@ -22,9 +22,9 @@ DESCRIBED = Path(__file__).parents[1] / "tests" / "robots" / "described"
 TINY = "--preset quick --num-envs 64 --teacher.iterations 10 --video-every 0 --method deception --friction-level 0.2"
 
 VERBS = {
-    "check": "robot check {said} --json",
-    "doctor": "doctor --randomization --robot {said} --json",
-    "train": "train --robot {said} --out run " + TINY,
+    "check": "robot check {description} --json",
+    "doctor": "doctor --randomization --robot {description} --json",
+    "train": "train --robot {description} --out run " + TINY,
     "export": "export run --out bundle",
     "verify": "verify bundle",
     "evaluate mujoco": "evaluate bundle --engines mujoco --friction-levels 0.2 --episodes 2 --seconds 4 --out m --json",
@@ -39,16 +39,16 @@ def last_line(text: str) -> str:
     return lines[-1][:200] if lines else ""
 
 
-def row_of(said: Path, wheels: Path) -> dict[str, str]:
+def row_of(description: Path, wheels: Path) -> dict[str, str]:
     """Return the row of one robot."""
-    row = {"robot": said.stem, "lines": str(len(said.read_text().splitlines()))}
+    row = {"robot": description.stem, "lines": str(len(description.read_text().splitlines()))}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for package in wheels.iterdir():
             (folder / package.name).symlink_to(package.resolve())
-        (folder / said.name).write_text(said.read_text())
+        (folder / description.name).write_text(description.read_text())
         for verb, words in VERBS.items():
-            command = [sys.executable, "-m", "stiction", *shlex.split(words.format(said=said.name))]
+            command = [sys.executable, "-m", "stiction", *shlex.split(words.format(description=description.name))]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             row[verb] = "passed" if done.returncode == 0 else last_line(done.stderr) or f"status {done.returncode}"
     return row
@@ -65,14 +65,14 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     table, columns = out / "strangers.csv", ["robot", "lines", *VERBS]
     rows = {row["robot"]: row for row in csv.DictReader(table.open())} if table.is_file() else {}
-    for said in sorted(DESCRIBED.glob("*.yaml")):
-        if said.stem not in rows:
-            rows[said.stem] = row_of(said, wheels)
+    for description in sorted(DESCRIBED.glob("*.yaml")):
+        if description.stem not in rows:
+            rows[description.stem] = row_of(description, wheels)
             with table.open("w", newline="") as file:
                 writer = csv.DictWriter(file, columns)
                 writer.writeheader()
                 writer.writerows(rows[name] for name in sorted(rows))
-            print(said.stem, {verb: rows[said.stem][verb][:60] for verb in VERBS}, flush=True)
+            print(description.stem, {verb: rows[description.stem][verb][:60] for verb in VERBS}, flush=True)
 
 
 if __name__ == "__main__":

@@ -27,13 +27,13 @@ from typing import Any
 from attacks import POLICY, SMALL, THREADS, digest, environment, found, row_of, write_table
 
 LIMIT = 30.0
-"""How long what is left of a training may take to end [s]."""
+"""Maximum time for the rest of a training to end [s]."""
 
 PATIENCE = 600.0
-"""How long anything may take at all [s]."""
+"""Maximum time of any step [s]."""
 
 STUDY = f"study wear {POLICY} --robots 1000 1001 --seconds 14 --engine mujoco"
-"""What the cluster does: six walks."""
+"""Work of the cluster: six walks."""
 
 
 def free_port() -> int:
@@ -88,12 +88,12 @@ def ranks(count: int) -> dict[str, Any]:
                 victim = pick.randrange(2)
                 processes[victim].send_signal(signal.SIGKILL)
                 end = time.monotonic()
-                said = processes[1 - victim].communicate(timeout=PATIENCE)[1]
+                output = processes[1 - victim].communicate(timeout=PATIENCE)[1]
                 slowest = max(slowest, time.monotonic() - end)
-                lines = [line for line in said.splitlines() if line.startswith("stiction train:")]
+                lines = [line for line in output.splitlines() if line.startswith("stiction train:")]
                 killed += 1
-                if "Traceback" in said or len(lines) > 1:
-                    wrong.append(f"ranks, kill {killed}: the other process said {said[-200:]!r}")
+                if "Traceback" in output or len(lines) > 1:
+                    wrong.append(f"ranks, kill {killed}: the other process said {output[-200:]!r}")
             ended = whole(processes)
             print(f"ranks: {killed} of {count} kills, {rounds} runs whole", file=sys.stderr)
             if not ran or killed == count:
@@ -131,8 +131,8 @@ def cluster(count: int) -> dict[str, dict[str, Any]]:
         try:
             nodes = [head.add_node(num_cpus=1, **small) for _ in range(2)]
             begun = time.monotonic()
-            if said := _failure(command(head.address, folder / "whole", folder)):
-                return {"node": found({}, [f"the undisturbed study failed: {said}"], 0.0) | {"count": 0}}
+            if failure := _failure(command(head.address, folder / "whole", folder)):
+                return {"node": found({}, [f"the undisturbed study failed: {failure}"], 0.0) | {"count": 0}}
             took, reference = time.monotonic() - begun, digest(folder / "whole")
             while sum(kills.values()) < count:
                 victim = victims[sum(kills.values()) % 2]
@@ -150,8 +150,8 @@ def cluster(count: int) -> dict[str, dict[str, Any]]:
                     head.remove_node(nodes.pop(0), allow_graceful=False)
                     nodes.append(head.add_node(num_cpus=1, **small))
                     kills[victim] += 1
-                if said := _failure(process):
-                    wrong[victim].append(f"{victim}, kill {kills[victim]}: {said}")
+                if failure := _failure(process):
+                    wrong[victim].append(f"{victim}, kill {kills[victim]}: {failure}")
                 elif digest(out) != reference:
                     wrong[victim].append(f"{victim}, kill {kills[victim]}: other tables than the undisturbed study")
                 rounds += 1
@@ -166,9 +166,9 @@ def cluster(count: int) -> dict[str, dict[str, Any]]:
 
 
 def _failure(process: subprocess.Popen) -> str:
-    """Wait for a command; return the end of what it said where it failed, nothing where it did not."""
-    said = process.communicate(timeout=PATIENCE)[1]
-    return said[-300:] if process.returncode else ""
+    """Wait for a command; return the end of its error output if it failed, an empty string otherwise."""
+    errors = process.communicate(timeout=PATIENCE)[1]
+    return errors[-300:] if process.returncode else ""
 
 
 def main() -> int:

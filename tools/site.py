@@ -1,4 +1,4 @@
-"""What MkDocs is told of this repository, as a hook: `make docs`.
+"""Hook of MkDocs that describes this repository: `make docs`.
 
 The site has the documents where they are in the repository, so that a link leads to the same place there and here:
 what mkdocs.yml names, every page of docs/, and every file that one of them links to, whatever it is. docs/index.md is
@@ -36,19 +36,19 @@ def linked_files(page: Path) -> list[Path]:
     """Return the files of the repository to which a page links; those that are missing are left for MkDocs to tell."""
     text = FENCES.sub("", page.read_text(encoding="utf-8"))
     targets = [page.parent / file for _, _, file, _ in LINK.findall(text) if file and "://" not in file]
-    found = [target.resolve() for target in targets if target.is_file()]
-    return [file for file in found if file.is_relative_to(ROOT) and file.stat().st_size <= LARGEST]
+    files = [target.resolve() for target in targets if target.is_file()]
+    return [file for file in files if file.is_relative_to(ROOT) and file.stat().st_size <= LARGEST]
 
 
 def site_files(start: list[Path]) -> list[Path]:
-    """Return the pages of a site and what they link to, in the order in which they are found."""
-    found: dict[Path, None] = dict.fromkeys(start)
+    """Return the pages of a site and what they link to, in the order of discovery."""
+    files: dict[Path, None] = dict.fromkeys(start)
     for page in (waiting := list(start)):
         if page.suffix == ".md":
-            new = [file for file in linked_files(page) if file not in found]
-            found |= dict.fromkeys(new)
+            new = [file for file in linked_files(page) if file not in files]
+            files |= dict.fromkeys(new)
             waiting += [file for file in new if file not in waiting]
-    return list(found)
+    return list(files)
 
 
 def formula(source: str) -> str:

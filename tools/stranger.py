@@ -39,15 +39,15 @@ PATIENCE = 1800.0
 
 @dataclass(frozen=True)
 class Task:
-    """What a stranger wants."""
+    """Task of a new user."""
 
     name: str
     heading: str
-    """Of the front page, under which its commands stand; empty: it is the demo."""
+    """Heading of the front page above its commands; empty: the demo."""
     file: str = ""
-    """Of the stranger's own."""
+    """Name of the user's own file."""
     extra: str = ""
-    """What is installed."""
+    """Extra that is installed."""
     commands: int | None = None
     """Commands of the heading that are typed; None: all of them."""
 
@@ -70,9 +70,9 @@ class Row:
     install: float | None
     """Environment and installation [s]; None: it was there."""
     seconds: float
-    """From then to the answer [s]."""
+    """Time from then to the answer [s]."""
     processor: float
-    """Of all its processes [s]."""
+    """Processor time of all its processes [s]."""
     load: float
     """Load average before it began: about as many processes wanted a core."""
     cores: int
@@ -93,8 +93,8 @@ def commands(task: Task) -> list[list[str]]:
 
 def run(words: Sequence[str], folder: Path, until: Path | None) -> None:
     """Run a command in a folder to its end, or until a file has a line; end this process where it fails."""
-    with (folder / "said.txt").open("w+") as said:
-        process = subprocess.Popen(words, cwd=folder, stdout=said, stderr=subprocess.STDOUT)
+    with (folder / "said.txt").open("w+") as output:
+        process = subprocess.Popen(words, cwd=folder, stdout=output, stderr=subprocess.STDOUT)
         deadline = time.monotonic() + PATIENCE
         while process.poll() is None and time.monotonic() < deadline:
             if until is not None and until.is_file() and until.stat().st_size:
@@ -105,8 +105,8 @@ def run(words: Sequence[str], folder: Path, until: Path | None) -> None:
         if process.poll() != 0:
             process.kill()
             process.wait()
-            said.seek(0)
-            raise SystemExit(f"{' '.join(words)} failed:\n{said.read()}")
+            output.seek(0)
+            raise SystemExit(f"{' '.join(words)} failed:\n{output.read()}")
 
 
 def measured(task: Task, python: Path, wheel: Path | None, revision: str) -> Row:

@@ -35,7 +35,7 @@ FRICTION = {"hip": 0.442, "knee": 0.8}
 """Joint -> dry friction that the files were simulated with [N m]."""
 
 FLAGS = "--kp 20 --kd 0.5 --torque-limit 45 --torque-source motor_side --test-condition bare_motor"
-"""What no log says of itself."""
+"""Flags for facts that no log contains."""
 
 OUT = Path(__file__).parents[1] / "results" / "identification"
 
@@ -70,11 +70,11 @@ class Stranger:
     """A file as somebody has it, and what to type."""
 
     form: str
-    """What it is, for the table."""
+    """Form of the log, for the table."""
     write: Callable[[Path], None]
-    """Writes it into a folder."""
+    """Function that writes the log into a folder."""
     commands: tuple[str, ...]
-    """What to type there, after `stiction identify`."""
+    """Commands to type there, after `stiction identify`."""
     joints: tuple[str, ...] = ("hip", "knee")
     """The joints that must be found, by name."""
     unit: str = "N m"
@@ -115,24 +115,24 @@ def headerless(folder: Path) -> None:
 
 
 def pandas_index(folder: Path) -> None:
-    """What `DataFrame.to_csv` writes: an index without a name in front."""
+    """Write a log as `DataFrame.to_csv` does: an index without a name in front."""
     body = [f"{index}," + ",".join(f"{value:.9g}" for value in row) for index, row in enumerate(TABLE)]
     lines(folder / "log.csv", "," + ",".join(["time", *NAMES]), body)
 
 
 def r_table(folder: Path) -> None:
-    """What `write.table` of R writes: quoted names, a column of row names that has none."""
+    """Write a log as `write.table` of R does: quoted names, a column of row names that has none."""
     body = [f'"{index + 1}" ' + " ".join(f"{value:.9g}" for value in row) for index, row in enumerate(TABLE)]
     lines(folder / "log.txt", " ".join(f'"{name}"' for name in ["time", *NAMES]), body)
 
 
 def hash_header(folder: Path) -> None:
-    """What `numpy.savetxt` writes with a header."""
+    """Write a log as `numpy.savetxt` does with a header."""
     text(folder / "log.txt", "# " + " ".join(["time", *NAMES]) + "\n", TABLE, " ")
 
 
 def rostopic(folder: Path) -> None:
-    """What `rostopic echo -p` writes: a header after %, nanoseconds since 1970, names in every row."""
+    """Write a log as `rostopic echo -p` does: a header after %, nanoseconds since 1970, names in every row."""
     head = "%time,field.header.seq,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1"
     body = [
         f"{START * 10**9 + round(1e9 * time)},{index},hip,knee,{p[0]:.9g},{p[1]:.9g},{e[0]:.9g},{e[1]:.9g}"
@@ -142,7 +142,7 @@ def rostopic(folder: Path) -> None:
 
 
 def decimal_comma(folder: Path) -> None:
-    """What a spreadsheet writes where numbers have commas."""
+    """Write a log as a spreadsheet does in a locale with decimal commas."""
     body = [";".join(f"{value:.9g}".replace(".", ",") for value in row) for row in TABLE]
     lines(folder / "log.csv", ";".join(["time", *NAMES]), body)
 
@@ -159,7 +159,7 @@ def titles(folder: Path) -> None:
 
 
 def packed(folder: Path) -> None:
-    """The same, packed."""
+    """Write the same log, compressed."""
     canonical(folder)
     content = (folder / "log.csv").read_bytes()
     (folder / "log.csv").unlink()
@@ -215,7 +215,7 @@ def plotjuggler(folder: Path) -> None:
 
 
 def utf16(folder: Path) -> None:
-    """What a spreadsheet calls Unicode text."""
+    """Write a log as the Unicode text of a spreadsheet."""
     body = ["\t".join(f"{value:.9g}" for value in row) for row in TABLE]
     lines(folder / "log.txt", "\t".join(["time", *NAMES]), body, "utf-16")
 
@@ -294,26 +294,26 @@ Messages = list[tuple[str, str, int, bytes]]
 
 def _states() -> Messages:
     """Return joint states, and before each its command."""
-    found: Messages = []
+    messages: Messages = []
     for index, time in enumerate(TIME):
         now = START * 10**9 + round(1e9 * float(time))
         for topic, when, values in (("command", now - 10**5, TARGET), ("states", now, POSITION)):
             data = _cdr_state(when, values[index], TORQUE[index] if topic == "states" else np.zeros(0))
-            found.append((f"/joint_{topic}", "sensor_msgs/msg/JointState", when, data))
-    return found
+            messages.append((f"/joint_{topic}", "sensor_msgs/msg/JointState", when, data))
+    return messages
 
 
 def _lowstates() -> Messages:
     """Return `LowState` and `LowCmd` of a Go2; a motor's numbers begin at multiples of four, its mode just before."""
-    found: Messages = []
+    messages: Messages = []
     for index, time in enumerate(TIME):
         now = START * 10**9 + round(1e9 * float(time))
         gains = {16: np.full(2, 20.0), 20: np.full(2, 0.5)}
         command = _motors(20, 36, {4: TARGET[index]} | gains)
         state = _motors(76, 48, {4: POSITION[index], 8: VELOCITY[index], 16: TORQUE[index]})
-        found.append(("/lowcmd", "unitree_go/msg/LowCmd", now - 10**5, command))
-        found.append(("/lowstate", "unitree_go/msg/LowState", now, state))
-    return found
+        messages.append(("/lowcmd", "unitree_go/msg/LowCmd", now - 10**5, command))
+        messages.append(("/lowstate", "unitree_go/msg/LowState", now, state))
+    return messages
 
 
 def _bag(path: Path, messages: Messages) -> None:
@@ -372,7 +372,7 @@ def unitree_json(folder: Path) -> None:
 
 
 def unitree_csv(folder: Path) -> None:
-    """The same as a table, with names as PlotJuggler gives them."""
+    """Write the same log as a table, with names as PlotJuggler gives them."""
     head = [f"/lowstate/motor_state[{j}]/{name}" for j in range(2) for name in ("q", "dq", "tau_est")]
     table = rows(START + TIME, *(array[:, j] for j in range(2) for array in (POSITION, VELOCITY, TORQUE)))
     text(folder / "log.csv", ",".join(["__time", *head]) + "\n", table, fmt="%.13g")
@@ -387,12 +387,12 @@ def json_arrays(folder: Path) -> None:
 def json_records(folder: Path) -> None:
     """A list of records, each joint an object."""
     roles = {"position": POSITION, "target": TARGET, "torque": TORQUE}
-    found = [
+    samples = [
         {"time": float(time)}
         | {role: {joint: float(values[index, j]) for j, joint in enumerate(FRICTION)} for role, values in roles.items()}
         for index, time in enumerate(TIME)
     ]
-    (folder / "log.json").write_text(json.dumps({"samples": found}))
+    (folder / "log.json").write_text(json.dumps({"samples": samples}))
 
 
 def matlab(folder: Path) -> None:
@@ -454,7 +454,7 @@ def with_a_rest(folder: Path) -> None:
 
 
 KT, RESISTANCE, SUPPLY = 1.5, 4.0, 24.0
-"""Of the servos, at the joint [N m/A, ohm, V]."""
+"""Torque constant, resistance and supply of the servos, at the joint [N m/A, ohm, V]."""
 
 MOTOR = f"--kt {KT:g} --resistance {RESISTANCE:g}"
 
@@ -508,7 +508,7 @@ def servo_with_pendulum(folder: Path) -> None:
 
 
 SERVO_FLAGS = "--torque-limit 45 --torque-source motor_side --test-condition bare_motor"
-"""What no log of a servo says of itself; of its controller nothing is known."""
+"""Flags for facts that no log of a servo contains; the controller is unknown."""
 
 STRANGERS = (
     Stranger("CSV with names `position.<joint>`", canonical, (f"log.csv {FLAGS}",)),
@@ -654,7 +654,7 @@ REFUSED = (
         f"--position-scale 0.00153398 --torque-scale 0.01 --duty-voltage 24 {MOTOR}",
     ),
 )
-"""What is not read, and must be told the nearest way in."""
+"""Unreadable files, whose refusal must name the nearest conversion."""
 
 
 def run(folder: Path, command: str) -> tuple[int, str]:
@@ -664,8 +664,8 @@ def run(folder: Path, command: str) -> tuple[int, str]:
 
     from stiction.cli.main import main
 
-    said, errors = StringIO(), StringIO()
-    with chdir(folder), redirect_stdout(said), redirect_stderr(errors):
+    output, errors = StringIO(), StringIO()
+    with chdir(folder), redirect_stdout(output), redirect_stderr(errors):
         status = main(["identify", *shlex.split(command)])
     return status, " ".join(errors.getvalue().split())
 
@@ -676,31 +676,31 @@ def outcome(folder: Path, stranger: Stranger) -> dict[str, str]:
 
     stranger.write(folder)
     for command in stranger.commands:
-        status, said = run(folder, f"{command}" + (" --json" if "--init" not in command else ""))
+        status, output = run(folder, f"{command}" + (" --json" if "--init" not in command else ""))
         if status:
-            return _row(stranger, "", "", f"refused: {said}", False)
+            return _row(stranger, "", "", f"refused: {output}", False)
     joints = load_joints(folder / "identified" / "joints.json").joints
     values, right = [], list(joints) == list(stranger.joints)
     for name in stranger.joints:
         record = joints.get(name)
-        found = record and (record.coulomb_friction or record.combinations.get("f/k"))
-        if not found:
+        estimate = record and (record.coulomb_friction or record.combinations.get("f/k"))
+        if not estimate:
             return _row(stranger, "", "", f"{name} was not identified", False)
-        low, high = found.interval95
-        values.append(f"{name} {found.value:.3f} ({low:.3f} to {high:.3f})")
-        right &= abs(found.value - FRICTION[name]) < 0.05 * FRICTION[name]
+        low, high = estimate.interval95
+        values.append(f"{name} {estimate.value:.3f} ({low:.3f} to {high:.3f})")
+        right &= abs(estimate.value - FRICTION[name]) < 0.05 * FRICTION[name]
     truth = ", ".join(f"{name} {FRICTION[name]:g}" for name in stranger.joints)
     return _row(stranger, truth, ", ".join(values) + f" {stranger.unit}", "", right)
 
 
-def _row(stranger: Stranger, truth: str, found: str, refusal: str, right: bool) -> dict[str, str]:
+def _row(stranger: Stranger, truth: str, result: str, refusal: str, right: bool) -> dict[str, str]:
     """Return a row of the table."""
     return {
         "form": stranger.form,
         "commands": " && ".join(f"stiction identify {command}" for command in stranger.commands),
         "count": str(len(stranger.commands)),
         "dry friction simulated": truth,
-        "what came out": found or refusal,
+        "what came out": result or refusal,
         "within 5 %": "yes" if right else "no",
     }
 
@@ -727,27 +727,27 @@ def main() -> None:
             folder.mkdir(parents=True)
             stranger.write(folder)
         return
-    found, refused = [], []
+    outcomes, refused = [], []
     with tempfile.TemporaryDirectory() as name:
         for number, stranger in enumerate(STRANGERS, 1):
             folder = Path(name) / str(number)
             folder.mkdir()
-            found.append(outcome(folder, stranger))
-            print(number, found[-1]["within 5 %"], stranger.form, found[-1]["what came out"], file=sys.stderr)
+            outcomes.append(outcome(folder, stranger))
+            print(number, outcomes[-1]["within 5 %"], stranger.form, outcomes[-1]["what came out"], file=sys.stderr)
         for number, (form, write, command) in enumerate(REFUSED):
             folder = Path(name) / f"refused{number}"
             folder.mkdir()
             write(folder)
-            status, said = run(folder, command)
-            refused.append({"form": form, "commands": command, "count": str(status), "what came out": said})
+            status, output = run(folder, command)
+            refused.append({"form": form, "commands": command, "count": str(status), "what came out": output})
     with (OUT / "strangers.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(found[0]), lineterminator="\n")
+        writer = csv.DictWriter(file, list(outcomes[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(found)
+        writer.writerows(outcomes)
     page = (
         HEAD.format(flags=FLAGS) + "| your file | what to type | what came out, dry friction (95 %) |\n|---|---|---|\n"
     )
-    for row in found:
+    for row in outcomes:
         typed = "<br>".join(f"`{line}`" for line in row["commands"].replace(FLAGS, "FLAGS").split(" && "))
         page += f"| {row['form']} | {typed} | {row['what came out']} |\n"
     page += "\nNot read, with what is said instead:\n\n| file | what is said |\n|---|---|\n"

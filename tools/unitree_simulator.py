@@ -185,8 +185,8 @@ def walk(cfg: argparse.Namespace, simulator: Path) -> int:
             status = subprocess.run(
                 [*deploy, *PATIENCE, "--json", "--out", folder], stdout=subprocess.PIPE, check=False
             ).returncode
-            said, _ = process.communicate("")
-            row = measured(cfg, json.loads(said.splitlines()[-1]), Path(folder), status)
+            output, _ = process.communicate("")
+            row = measured(cfg, json.loads(output.splitlines()[-1]), Path(folder), status)
     finally:
         process.kill()
         process.wait()

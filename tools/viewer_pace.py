@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/helpers"))
 from browser import Tab, chromium, find_chromium
 
 Event = tuple[str, float, float]
-"""What happened (`asked`, `level`, `step`, `frame`), when by the clock of all processes, and processor time [s]."""
+"""Event (`asked`, `level`, `step`, `frame`), time by the clock of all processes, and processor time [s]."""
 
 SLIDER = "[...document.querySelectorAll('[role=slider]')].find(one => one.getAttribute('aria-valuemax') === '90')"
 """The handle of the first slider of friction, which is that of all joints."""
@@ -96,16 +96,16 @@ def viewer(name: str, seconds: float, parent: Connection) -> None:
             (shown, "submit", "asked"),
         ):
             watch(owner, method, kind, events)
-        found = {}
+        measured = {}
         began = time.monotonic()
         while time.monotonic() < began + seconds:
             shown.turn()
             shown.show(time.monotonic())
-        found["flat_out"] = rates(events, began, time.monotonic(), simulation.period)
+        measured["flat_out"] = rates(events, began, time.monotonic(), simulation.period)
         began = time.monotonic()
         shown.run(lambda: time.monotonic() > began + seconds, always=True)
-        found["real_time_no_browser"] = rates(events, began, time.monotonic(), simulation.period)
-        parent.send((f"http://127.0.0.1:{server.get_port()}", simulation.period, found))
+        measured["real_time_no_browser"] = rates(events, began, time.monotonic(), simulation.period)
+        parent.send((f"http://127.0.0.1:{server.get_port()}", simulation.period, measured))
         shown.run(parent.poll)
         parent.send(events)
 
@@ -122,17 +122,17 @@ def press(tab: Tab, times: int, key: str, code: str) -> list[float]:
 
 def delays(pressed: list[float], events: list[Event]) -> dict[str, list[float | None]]:
     """Return how long each press took to each of its effects [s]; None: the next press came before."""
-    found: dict[str, list[float | None]] = {"asked": [], "friction_set": [], "control_step": [], "frame_sent": []}
+    waits: dict[str, list[float | None]] = {"asked": [], "friction_set": [], "control_step": [], "frame_sent": []}
     for at, end in zip(pressed, [*pressed[1:], float("inf")], strict=True):
         after = at
-        for name, kind in zip(found, ("asked", "level", "step", "frame"), strict=True):
+        for name, kind in zip(waits, ("asked", "level", "step", "frame"), strict=True):
             after = next((when for what, when, _ in events if what == kind and when > after), float("inf"))
-            found[name].append(round(after - at, 3) if after < end else None)
-    return found
+            waits[name].append(round(after - at, 3) if after < end else None)
+    return waits
 
 
 def main() -> None:
-    """Measure, and print what was found."""
+    """Measure, and print the results."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("--policy", default="saturn_lite-flat-deception-0.2", help="name or folder of a bundle")
     reader.add_argument("--seconds", type=float, default=10.0, help="length of each measurement [s]")
@@ -146,7 +146,7 @@ def main() -> None:
     process = context.Process(target=viewer, args=(options.policy, options.seconds, there), daemon=True)
     process.start()
     there.close()  # so that a viewer that ends early is no reason to wait
-    address, period, found = here.recv()
+    address, period, measured = here.recv()
     with tempfile.TemporaryDirectory() as folder, chromium(Path(folder) / "profile") as browser:
         tab = browser.tab(address)
         tab.call("Page.bringToFront")  # a page behind another one is not painted
@@ -164,10 +164,10 @@ def main() -> None:
         events = here.recv()
     process.join()
     load.append(os.getloadavg()[0])
-    found["real_time_browser"] = rates(events, began, ended, period) | {"page_painted_per_second": round(painted, 1)}
-    found["key_to"], found["slider_to"] = delays(keyed, events), delays(slid, events)
-    found |= {"policy": options.policy, "cores": os.cpu_count(), "load_average_before_after": load}
-    print(json.dumps(found, indent=1))
+    measured["real_time_browser"] = rates(events, began, ended, period) | {"page_painted_per_second": round(painted, 1)}
+    measured["key_to"], measured["slider_to"] = delays(keyed, events), delays(slid, events)
+    measured |= {"policy": options.policy, "cores": os.cpu_count(), "load_average_before_after": load}
+    print(json.dumps(measured, indent=1))
 
 
 if __name__ == "__main__":

@@ -49,13 +49,13 @@ whose interval holds the truth, empty where it is not stated. `error_...`, `half
 
 @dataclass(frozen=True)
 class Condition:
-    """How a log was made and read."""
+    """Condition under which a log was made and read."""
 
     every: int
     placed: bool = True
     contact: str = "auto"
     any_rate: bool = False
-    """Whether rates are admitted that the code refuses: what would be stated."""
+    """True to admit rates that the code refuses, to see which intervals would result."""
 
 
 CONDITIONS = (
@@ -76,7 +76,7 @@ def draw(spec: Robot, seed: int) -> np.ndarray:
 def walks(name: str, seeds: range, folder: Path) -> dict[int, trots.Walked]:
     """Return seed -> walk, simulated where it is not kept; robots that fell are left out."""
     folder.mkdir(parents=True, exist_ok=True)
-    found: dict[int, trots.Walked] = {}
+    by_seed: dict[int, trots.Walked] = {}
     for seed in seeds:
         path = folder / f"{name}-{seed}.npz"
         if not path.exists():
@@ -91,8 +91,8 @@ def walks(name: str, seeds: range, folder: Path) -> dict[int, trots.Walked]:
             np.savez_compressed(path, **(vars(walked[0]) if walked else {}))
         with np.load(path) as kept:
             if kept.files:
-                found[seed] = trots.Walked(**{item.name: kept[item.name] for item in fields(trots.Walked)})
-    return found
+                by_seed[seed] = trots.Walked(**{item.name: kept[item.name] for item in fields(trots.Walked)})
+    return by_seed
 
 
 def row(name: str, spec: Robot, kept: dict[int, trots.Walked], condition: Condition) -> dict[str, str]:
@@ -113,8 +113,8 @@ def row(name: str, spec: Robot, kept: dict[int, trots.Walked], condition: Condit
         foreign.LONGEST_PERIOD = walk.LONGEST_PERIOD = 1.0 if condition.any_rate else slowest
         try:
             setup = WalkSetup(contact=condition.contact)  # type: ignore[arg-type]
-            found = foreign.foreign_walk(trots.opened(spec, raw), spec, declared, place, setup)
-            joints = identify_walk(found).joints
+            opened = foreign.foreign_walk(trots.opened(spec, raw), spec, declared, place, setup)
+            joints = identify_walk(opened).joints
         except StictionError as error:
             print(name, seed, error, file=sys.stderr)
             refused += 1

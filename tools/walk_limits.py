@@ -49,14 +49,14 @@ def rolling_rms(velocity: np.ndarray, steps: int) -> np.ndarray:
 def largest(bundle: Bundle, part: slice, rule: str) -> float:
     """Return the largest value that a rule of plausibility finds in a part of the recording."""
     golden, guard = bundle.golden, ReadingGuard(bundle.contract, UNBOUNDED | {rule: 0.0})
-    found = 0.0
+    peak = 0.0
     for at in range(part.start, part.stop):
         sensors = Sensors(
             golden.quaternion[at], golden.angular_velocity[at], golden.joint_position[at], golden.joint_velocity[at]
         )
         violation = guard.check(float(golden.time[at]), sensors, golden.command[at])
-        found = max(found, violation.value if violation and violation.rule == rule else 0.0)
-    return found
+        peak = max(peak, violation.value if violation and violation.rule == rule else 0.0)
+    return peak
 
 
 def asked(bundle: Bundle) -> list[float]:

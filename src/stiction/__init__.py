@@ -47,10 +47,10 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version
 
-        found: Any = version(__name__)
+        value: Any = version(__name__)
     elif name in PUBLIC:
-        found = _public(name)
+        value = _public(name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name, obj=sys.modules[__name__])
-    globals()[name] = found
-    return found
+    globals()[name] = value
+    return value

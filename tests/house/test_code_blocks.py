@@ -147,7 +147,7 @@ def test_who_has_only_this_repository_can_type_what_the_pages_identify(
     example = "examples/01_log_to_verdict.py"
     monkeypatch.chdir(tmp_path)
     made = runpy.run_path(str(CHECKOUT / example))
-    assert made["found"]["shank"].coulomb_friction.value == pytest.approx(0.442, rel=0.05)
+    assert made["result"]["shank"].coulomb_friction.value == pytest.approx(0.442, rel=0.05)
     sidecar = json.loads((tmp_path / "swing.json").read_text())
     typed = [
         (_where(block), words)

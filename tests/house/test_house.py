@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from plain_words import reread_docstrings, vague_variables, violations
 from source_tree import (
     BY_NAME,
     HOUSE,
@@ -181,3 +182,41 @@ def test_modules_and_functions_stay_readable() -> None:
     ]
     long = [(name, node.name) for name, node in functions if (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION]
     assert not long, f"functions of {LONGEST_FUNCTION} lines or more: {long}"
+
+
+MOST_REREAD = {
+    "src": {"docstrings": 0, "variables": 0},
+    "examples": {"docstrings": 0, "variables": 0},
+    "tools": {"docstrings": 0, "variables": 0},
+    "experiments": {"docstrings": 169, "variables": 194},
+    "tests": {"docstrings": 152, "variables": 421},
+}
+"""Folder -> most docstrings without a noun in front and variables without a meaning; a bound only ever falls."""
+
+
+def test_the_rules_of_words_find_what_they_forbid() -> None:
+    """Finds a docstring of a module, field and function, and a variable however it is bound; reading one is allowed."""
+    words = ("Of", "What", "Whether", "Who", "Whose", "Those", "That", "Which", "If", "There")
+    forbidden = [f'"""{word} it is."""' for word in words]
+    forbidden += ['class A:\n    b: int = 0\n    """\n    What is it?"""', 'def f():\n    """What, then: it."""']
+    assert all(len(reread_docstrings(ast.parse(source))) == 1 for source in forbidden)
+    allowed = ['"""Offset of what is given."""', '"""Whatever it is."""', 'HELP = "What it is."']
+    assert not any(reread_docstrings(ast.parse(source)) for source in allowed)
+    bound = ["found = 1", "found, x = 1, 2", "f(lambda said: 1)", "def f(*, given): pass", "class A:\n    beside: int"]
+    bound += [
+        "[1 for found in x]",
+        "f(said := 1)",
+        "try:\n    f()\nexcept E as given:\n    pass",
+        "def f(**given): pass",
+    ]
+    assert all(len(vague_variables(ast.parse(source))) == 1 for source in bound)
+    allowed = ["x = found", "f(said=1)", "x = a.given", "beside()", "foundation = 1"]
+    assert not any(vague_variables(ast.parse(source)) for source in allowed)
+
+
+@pytest.mark.parametrize("folder", MOST_REREAD)
+def test_words_need_not_be_read_twice(folder: str) -> None:
+    """Begins docstrings with a noun or a verb, and names variables by what they hold."""
+    lines = violations(ROOT / folder)
+    most = MOST_REREAD[folder]
+    assert not [line for rule in lines if len(lines[rule]) > most[rule] for line in lines[rule]]

@@ -64,7 +64,7 @@ class Part:
     com: Vector
     inertia: Moments
     radius: float = 0.0
-    """Of the capsule that is seen of it [m]; 0: none."""
+    """Radius of the visible capsule [m]; 0: no capsule."""
 
 
 LEG = (
@@ -125,7 +125,7 @@ ARM = (
 )  # fmt: skip
 
 SOLE = Shape("box", (0.085, 0.03, 0.005), (0.035, 0.0, -0.03), contact="ground", color=(0.9, 0.45, 0.15))
-"""What the sole touches the ground with."""
+"""Contact shape of the sole."""
 
 MIRRORED_AXES = ("roll", "yaw")
 """Motors of these names turn left and right limbs about the same direction; so do those of pitch."""

@@ -46,7 +46,7 @@ class Quadruped:
     thigh: Segment
     calf: Segment
     calf_is_mirrored: bool
-    """Whether right calves are mirror images of left ones, or the same part."""
+    """True if right calves are mirror images of left ones; False if they are the same part."""
     foot: Vector
     """Middle of the foot on the calf [m]."""
     foot_radius: float

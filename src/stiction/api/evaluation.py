@@ -1,4 +1,4 @@
-"""What policies reach over engines, friction, grounds and commands: `stiction evaluate` in Python."""
+"""Evaluate policies over engines, friction, grounds and commands: `stiction evaluate` in Python."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ OF_WALK = ("settle", "action_delay", "static_ratio", "stribeck_velocity", "known
 
 @dataclass(frozen=True, repr=False)
 class Evaluated(Result):
-    """What policies reached. Iterating gives the rows, as in `results.csv`."""
+    """Results of an evaluation. Iterating gives the rows, as in `results.csv`."""
 
     rows: tuple[ResultRow, ...]
-    """One a policy, engine, friction, ground and command: `speed_ratio`, `tracking_error` [m/s], `fall_rate`, ..."""
+    """Rows, one per policy, engine, friction, ground and command: `speed_ratio`, `tracking_error` [m/s], ..."""
     summary: dict[str, Any]
-    """What was run on what, and the same rows with their spread; `summary.json`."""
+    """Bundles, engines and settings of the evaluation, and the same rows with their spread; `summary.json`."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before a number is used, a sentence each."""
+        """Warnings to read before a number is used, one sentence each."""
         return tuple(self.summary["warnings"])
 
     def __iter__(self) -> Iterator[ResultRow]:
@@ -57,8 +57,8 @@ class Evaluated(Result):
         """Return a line a policy, or how many there are: at which friction it follows which commands."""
         from stiction.report.evaluation import lead
 
-        *found, _ = lead(self.rows).split("\n")
-        return [*found[:3], *([f"and {len(found) - 3} policies more"] if len(found) > 3 else [])]
+        *policies, _ = lead(self.rows).split("\n")
+        return [*policies[:3], *([f"and {len(policies) - 3} policies more"] if len(policies) > 3 else [])]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `stiction evaluate --json` prints, and `summary.json` holds."""
@@ -167,8 +167,10 @@ def _walk(
     from stiction.evaluation.summary import bundle_of, evaluate_all
 
     # A bundle that was checked is not read again: what is evaluated is what was hashed.
-    given = [one.bundle if isinstance(one, LoadedPolicy) else one if callable(one) else Path(one) for one in policies]
-    bundles = [bundle_of(policy, cfg, robot, period) for policy in given]
+    resolved = [
+        one.bundle if isinstance(one, LoadedPolicy) else one if callable(one) else Path(one) for one in policies
+    ]
+    bundles = [bundle_of(policy, cfg, robot, period) for policy in resolved]
     if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process
     with scratch() if out is None else nullcontext(out) as work, output_folder(work):

@@ -32,7 +32,7 @@ class Designed(Result):
 
     @property
     def design(self) -> ExcitationDesign:
-        """What `design.json` holds: gains, limits, what is reached, predicted deviations, advice."""
+        """Content of `design.json`: gains, limits, speeds and angles reached, predicted deviations, advice."""
         return self.excitation.record
 
     @property
@@ -47,12 +47,12 @@ class Designed(Result):
 
     @property
     def trajectory(self) -> Log:
-        """Both as a log, with gains and limits, for `write_log`."""
+        """Trajectory as a log, with gains and limits, for `write_log`."""
         return self.excitation.trajectory
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before it is played, a sentence each."""
+        """Warnings to read before the trajectory is played, one sentence each."""
         return self.design.warnings
 
     def simulate(self, seed: int = 0) -> Log:
@@ -136,8 +136,8 @@ def excite(
 
     """
     named = {"torque_limit": torque_limit, "position_limits": position_limits}
-    given = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, excite)
-    designed = design(given, joint, None if robot is None else str(robot), "stiction.excite(...)", progress)
+    setup = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, excite)
+    designed = design(setup, joint, None if robot is None else str(robot), "stiction.excite(...)", progress)
     if out is not None:
         designed.save(out)
     return designed
@@ -156,9 +156,9 @@ def robot_joint(robot: str, joint: str) -> Joint:
     from stiction.robots.catalog import find_robot
 
     spec = find_robot(robot)
-    for found in spec.joints:
-        if joint in (found.name, found.kind):
-            return found
+    for candidate in spec.joints:
+        if joint in (candidate.name, candidate.kind):
+            return candidate
     raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*spec.joint_kinds, *spec.joint_names))}")
 
 

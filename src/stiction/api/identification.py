@@ -22,10 +22,10 @@ from stiction.identification.verdict import propose, write_proposal
 
 @dataclass(frozen=True, repr=False)
 class Identified(Result):
-    """What identification found. `found["hip"]` is the `JointRecord` of one joint."""
+    """Result of an identification. `result["hip"]` is the `JointRecord` of one joint."""
 
     file: JointsFile
-    """What `joints.json` holds."""
+    """Content of `joints.json`."""
     signals: dict[str, FitSignals]
     """Joint name -> signals, fit and residuals, arrays of shape (T,): time [s], position [rad], torque [N m], ...;
     empty where it was read from a file."""
@@ -39,24 +39,24 @@ class Identified(Result):
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """How much friction, whether it matters, what to do: a line each; of several joints, of the worst."""
+        """Amount of friction, its importance, next step: one line each; of several joints, of the worst."""
         from stiction.report.joints import lead_lines
 
         return lead_lines(self.file)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before a number is used, a sentence each."""
+        """Warnings to read before a number is used, one sentence each."""
         return self.file.warnings
 
     @property
     def valid(self) -> bool:
-        """Whether every joint was identified, and nothing makes a fit invalid."""
+        """True if every joint was identified and no error makes a fit invalid."""
         return all(record.diagnostics and not record.objections for record in self.joints.values())
 
     @property
     def training(self) -> dict[str, Any]:
-        """What `training.json` holds: method, level and range of friction to train with, and why."""
+        """Content of `training.json`: method, level and range of friction to train with, and why."""
         return propose(self.file)
 
     def __getitem__(self, joint: str) -> JointRecord:
@@ -87,11 +87,11 @@ class Identified(Result):
         from stiction.report.joints import number, unit
 
         def cell(record: JointRecord, name: str) -> str:
-            found = getattr(record, name)
-            if found is None:
+            quantity = getattr(record, name)
+            if quantity is None:
                 return "not known"
-            low, high = found.interval95
-            return f"{number(found.value)} ({number(low)} to {number(high)}) {unit(record, name)}"
+            low, high = quantity.interval95
+            return f"{number(quantity.value)} ({number(low)} to {number(high)}) {unit(record, name)}"
 
         shown = ["inertia", "viscous_friction", "coulomb_friction", "friction_ratio"]
         if any(record.static_friction is not None for record in self.joints.values()):
@@ -158,11 +158,11 @@ def identify(
 
     >>> from stiction.identification.example import Excitation, example_log
     >>> import stiction
-    >>> found = stiction.identify(example_log(excitation=Excitation(duration=10.0)), torque_limit=45.0)
-    >>> friction = found["shank"].coulomb_friction  # the truth is 0.442 N m
+    >>> result = stiction.identify(example_log(excitation=Excitation(duration=10.0)), torque_limit=45.0)
+    >>> friction = result["shank"].coulomb_friction  # the truth is 0.442 N m
     >>> friction.interval95[0] < 0.442 < friction.interval95[1]
     True
-    >>> len(found.verdict)
+    >>> len(result.verdict)
     3
 
     """
@@ -177,15 +177,15 @@ def identify(
     repeats = [as_log(one) for one in (repeat if isinstance(repeat, list | tuple) else (repeat,))]
     if robot is not None:
         of_limb = options_of(LimbSetup, limb, identify)
-        found = identify_limb(first, str(robot), setup, of_limb, wanted, repeats, others)
+        result = identify_limb(first, str(robot), setup, of_limb, wanted, repeats, others)
     elif limb:
         raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
     else:
         unseen = None if held_out is None else as_log(held_out)
-        found = identify_joints(first, setup, wanted, repeats, others, jobs, progress, unseen)
+        result = identify_joints(first, setup, wanted, repeats, others, jobs, progress, unseen)
     if out is not None:
-        found.save(out)
-    return found
+        result.save(out)
+    return result
 
 
 def identify_joints(
@@ -200,7 +200,7 @@ def identify_joints(
 ) -> Identified:
     """Identify the joints of one log, or of several runs; see `identify`."""
     several = len(joints or log.joints) > 1
-    found, refused = identify_log(
+    fits, refused = identify_log(
         log,
         setup,
         joints,
@@ -210,8 +210,8 @@ def identify_joints(
         more,
         held_out,
     )
-    records = {name: result.record for name, result in found.items()} | refused
-    return Identified(JointsFile(records), {name: result.fit for name, result in found.items()})
+    records = {name: result.record for name, result in fits.items()} | refused
+    return Identified(JointsFile(records), {name: result.fit for name, result in fits.items()})
 
 
 def identify_limb(
@@ -231,22 +231,22 @@ def identify_limb(
     from stiction.identification.limb.signals import match_joints
     from stiction.robots.catalog import find_mechanism
 
-    for given, what in ((repeats, "--repeat or --held-out"), (more, "several runs")):
-        if given:
+    for inputs, what in ((repeats, "--repeat or --held-out"), (more, "several runs")):
+        if inputs:
             raise ConfigurationError(
                 f"{what} with --robot: expected one log, for all its joints at once; leave that out"
             )
     mechanism = find_mechanism(robot)
     numbers = match_joints(log, mechanism.name, mechanism.joint_names, setup.joint_map, mechanism.rigid)
     wanted = [mechanism.joint_names[numbers[log.joint(name)[0]]] for name in joints]
-    found = pipeline.identify_limb(log, mechanism, declared, setup)
+    result = pipeline.identify_limb(log, mechanism, declared, setup)
     if not wanted:
-        return Identified(found.joints, found.signals)
-    records = {name: record for name, record in found.joints.joints.items() if name in wanted}
-    signals = {name: one for name, one in found.signals.items() if name in wanted}
+        return Identified(result.joints, result.signals)
+    records = {name: record for name, record in result.joints.joints.items() if name in wanted}
+    signals = {name: one for name, one in result.signals.items() if name in wanted}
     if not signals:
         raise LogError(next(iter(records.values())).warnings[0])
-    return Identified(replace(found.joints, joints=records), signals)
+    return Identified(replace(result.joints, joints=records), signals)
 
 
 @public

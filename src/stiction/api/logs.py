@@ -16,10 +16,10 @@ from stiction.files.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_
 from stiction.identification.logs import open_log, parse_columns
 
 SOURCE = "the arrays"
-"""What messages call a log that came from no file."""
+"""Name in messages for a log that was not read from a file."""
 
 OF_FRAME = (*SIGNALS, "time")
-"""What the columns of a data frame may be, before the dot."""
+"""Names allowed for columns of a data frame, before the dot."""
 
 LONGEST_JOINT_POSITION = 1000.0
 """Angles beyond this are hardly radians [rad]."""
@@ -61,18 +61,18 @@ def load_log(
 
     """
     roles = columns if isinstance(columns, Mapping) else parse_columns(several(columns or ()))
-    beside = None if sidecar is None else Path(sidecar)
-    return open_log(Path(path), roles, joint, several(names), rate, beside, time_scale, begin, end)
+    sidecar_path = None if sidecar is None else Path(sidecar)
+    return open_log(Path(path), roles, joint, several(names), rate, sidecar_path, time_scale, begin, end)
 
 
-def from_arrays(frame: Any = None, **given: Any) -> Log:
+def from_arrays(frame: Any = None, **arrays: Any) -> Log:
     """Return a log of what is in memory: arrays, or a data frame of pandas, polars or pyarrow.
 
     Args:
         frame: in place of the arrays: a table, or a mapping from column to array such as an `.npz` file that is open,
             with the columns `time`, `position.<joint>`, `velocity.<joint>`, `target.<joint>`, `torque.<joint>`. None of
             these libraries is needed.
-        given: `time` [s], shape (T,), rising; `position` [rad], `velocity` [rad/s], `target` [rad], `torque` [N m],
+        arrays: `time` [s], shape (T,), rising; `position` [rad], `velocity` [rad/s], `target` [rad], `torque` [N m],
             `disturbance`, `feedforward` [N m]: an array of shape (T,) for one joint, of shape (T, joints) for several,
             which `names`, or `joints`, names in the order of the columns, or a mapping from joint to array.
             And what a sidecar says: `kp` [N m/rad], `kd` [N m s/rad], `torque_limit` [N m], `test_condition`, ...:
@@ -98,14 +98,14 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     """
     table = {} if frame is None else _columns_of(frame)
     known = ("time", *SIGNALS, *(item.name for item in fields(LogSetup)))
-    for name in given:
+    for name in arrays:
         if name not in known:
             raise LogError(f"{SOURCE}: {unknown_name('name', name, known)}")
-    names = _take_names(given)
-    counts = [np.shape(given[name])[1] for name in SIGNALS if np.ndim(given.get(name, 0)) == 2]
+    names = _take_names(arrays)
+    counts = [np.shape(arrays[name])[1] for name in SIGNALS if np.ndim(arrays.get(name, 0)) == 2]
     names = names or tuple(f"joint_{index}" for index in range(max(counts, default=0)))
     for name in OF_FRAME:
-        value = given.pop(name, None)
+        value = arrays.pop(name, None)
         if value is None:
             continue
         whose = list(value.items()) if isinstance(value, Mapping) else [(None, value)]
@@ -121,23 +121,23 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     if not checked:
         raise LogError(f"{SOURCE}: no signal of a joint; expected position, and target or torque, of at least one")
     joints = by_joint(checked, None)
-    return Log(SOURCE, time, joints, _setup(given, joints))
+    return Log(SOURCE, time, joints, _setup(arrays, joints))
 
 
-def _take_names(given: dict[str, Any]) -> tuple[str, ...]:
-    """Take the names of the joints out of what is given, and turn numbers in their order into mappings."""
-    key = "names" if "names" in given else "joints"
-    if isinstance(given.get(key, {}), Mapping):
+def _take_names(arrays: dict[str, Any]) -> tuple[str, ...]:
+    """Take the names of the joints out of the arguments, and turn numbers in their order into mappings."""
+    key = "names" if "names" in arrays else "joints"
+    if isinstance(arrays.get(key, {}), Mapping):
         return ()
-    names = several(given.pop(key))
-    for field, value in given.items():
+    names = several(arrays.pop(key))
+    for field, value in arrays.items():
         numbers = isinstance(value, list | tuple | np.ndarray) and np.asarray(value).dtype.kind in "fiu"
         if numbers and field not in OF_FRAME and np.size(value) > 1:
             if np.shape(value) != (len(names),):
                 raise LogError(
                     f"{SOURCE}: {field} has the shape {np.shape(value)}; expected ({len(names)},), a number a joint"
                 )
-            given[field] = {joint: each.item() if hasattr(each, "item") else each for joint, each in zip(names, value)}
+            arrays[field] = {joint: each.item() if hasattr(each, "item") else each for joint, each in zip(names, value)}
     return names
 
 
@@ -161,10 +161,10 @@ def _columns_of(frame: Any) -> dict[str, Any]:
             f"{SOURCE}: {type(frame).__name__} is no table with named columns; expected a data frame of pandas, polars "
             "or pyarrow, a mapping, or arrays by name: time=..., position=..."
         )
-    found = {name: frame[name] for name in names if name.partition(".")[0] in OF_FRAME}
-    if "time" not in found:
+    columns = {name: frame[name] for name in names if name.partition(".")[0] in OF_FRAME}
+    if "time" not in columns:
         raise LogError(f"{SOURCE}: no column time among {', '.join(names[:20])}; rename it")
-    return found
+    return columns
 
 
 def _numbers(name: str, values: Any) -> np.ndarray:
@@ -206,22 +206,23 @@ def _checked_time(time: np.ndarray) -> np.ndarray:
 def _signal(name: str, values: Any, count: int) -> np.ndarray:
     """Return one signal of one joint."""
     role, _, joint = name.partition(".")
-    said = f"{role} of joint {joint or UNNAMED!r}"
-    array = _numbers(said, values)
+    label = f"{role} of joint {joint or UNNAMED!r}"
+    array = _numbers(label, values)
     if len(array) != count:
-        raise LogError(f"{SOURCE}: {said} has the shape {array.shape}; expected ({count},), as time")
+        raise LogError(f"{SOURCE}: {label} has the shape {array.shape}; expected ({count},), as time")
     if role in ("position", "target") and np.ptp(array) > LONGEST_JOINT_POSITION:
         raise LogError(
-            f"{SOURCE}: {said} spans {np.ptp(array):.4g}; expected [rad]: is it in counts? Multiply it by rad per count"
+            f"{SOURCE}: {label} spans {np.ptp(array):.4g}; expected [rad]: is it in counts? Multiply it by rad per "
+            "count"
         )
     return array
 
 
-def _setup(given: dict[str, Any], joints: Mapping[str, Any]) -> LogSetup:
+def _setup(settings: dict[str, Any], joints: Mapping[str, Any]) -> LogSetup:
     """Return what a sidecar would say; a mapping from joint, or its kind, to value is what is different for each."""
-    own = given.pop("joints", {})
+    own = settings.pop("joints", {})
     data: dict[str, Any] = {"joints": dict(own) if isinstance(own, Mapping) else own}
-    for name, value in given.items():
+    for name, value in settings.items():
         if isinstance(value, Mapping) and name != "columns":
             for joint, one in value.items():
                 data["joints"].setdefault(joint, {})[name] = one

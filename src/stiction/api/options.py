@@ -55,13 +55,13 @@ def _check_call(function: Callable[..., Any], args: Sequence[Any], kwargs: Mappi
         for name in kwargs.keys() - parameters.keys():
             raise ConfigurationError(f"{where}: {unknown_name('option', name, parameters)}")
     try:
-        given = form.bind(*args, **kwargs).arguments
+        bound = form.bind(*args, **kwargs).arguments
     except TypeError as error:
         named = [f"{one.name}=..." for one in parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
         first = [one.name for one in parameters.values() if one.kind is Parameter.POSITIONAL_OR_KEYWORD]
         raise ConfigurationError(f"{where}: {error}; expected {where}({', '.join(first + named)})") from error
     hints = get_type_hints(function)
-    for name, value in given.items():
+    for name, value in bound.items():
         kind = parameters[name].kind
         for one in value if kind is Parameter.VAR_POSITIONAL else () if kind is Parameter.VAR_KEYWORD else (value,):
             if not _fits(hints[name], one):
@@ -112,18 +112,18 @@ def several(value: Any) -> tuple[Any, ...]:
     return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else (value,)
 
 
-def options_of(kind: type[Options], given: Mapping[str, Any], function: Callable[..., Any]) -> Options:
+def options_of(kind: type[Options], settings: Mapping[str, Any], function: Callable[..., Any]) -> Options:
     """Return a dataclass of options, such as the flags of a verb fill, from keyword arguments: same names, same checks.
 
     function: the one that was called, for messages. Raises `ConfigurationError` for a name that is none, with the
     nearest, and for a value of another type than the field's.
     """
     where, names = function.__name__, [item.name for item in fields(kind)]  # type: ignore[arg-type]
-    for name in given:
+    for name in settings:
         if name not in names:
             known = [one for one in (*signature(function).parameters, *names) if one not in NAMELESS]
             raise ConfigurationError(f"{where}: {unknown_name('option', name, dict.fromkeys(known))}")
-    return from_plain(kind, {name: _plain(value) for name, value in given.items()}, where, ConfigurationError)
+    return from_plain(kind, {name: _plain(value) for name, value in settings.items()}, where, ConfigurationError)
 
 
 def _plain(value: Any) -> Any:

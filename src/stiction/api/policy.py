@@ -38,7 +38,7 @@ class LoadedPolicy(Result):
 
     @property
     def contract(self) -> Contract:
-        """What the policy expects: joint_names, control_period [s], kp, kd, standing [rad], torque_limit [N m]."""
+        """Contract of the policy: joint_names, control_period [s], kp, kd, standing [rad], torque_limit [N m]."""
         return self.bundle.contract
 
     @property

@@ -1,4 +1,4 @@
-"""What every result can do: be plain data, be shown in a notebook, be saved."""
+"""Base of every result: plain data, display in a notebook, files."""
 
 from __future__ import annotations
 

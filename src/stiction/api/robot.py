@@ -1,4 +1,4 @@
-"""What a robot is: shipped ones by name, one's own from MJCF, URDF or `robot.yaml`, and the checks on it."""
+"""Robots: shipped ones by name, your own from MJCF, URDF or `robot.yaml`, and the checks on them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from stiction.robots.model import Robot
 
 @dataclass(frozen=True, repr=False)
 class RobotCheck(Result):
-    """What the checks of a robot found. It can be used where `ok`."""
+    """Findings of the checks of a robot, usable if `ok`."""
 
     robot: Robot
     """The robot."""
     findings: tuple[Any, ...]
-    """Each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the line that mends it."""
+    """Findings, each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the line that mends it."""
     notes: tuple[str, ...] = ()
-    """What was left out, mended or not believed when its file was read, a sentence each."""
+    """Parts of the file left out, corrected or not trusted on reading, one sentence each."""
 
     @property
     def bad(self) -> tuple[Any, ...]:
@@ -33,7 +33,7 @@ class RobotCheck(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether the robot can be used."""
+        """True if the robot can be used."""
         return not self.bad
 
     def __iter__(self) -> Iterator[Any]:
@@ -50,8 +50,8 @@ class RobotCheck(Result):
             noted = sum(finding.state == "note" for finding in self.findings) + len(self.notes)
             return first, f"It can be used; {noted} to be known"
         worst = self.bad[0]
-        said = f"fails {len(self.bad)} of {len(self.findings)} checks; first, {worst.check}: {worst.text}"
-        return first, said, f"What mends it: {worst.mend}"
+        failures = f"fails {len(self.bad)} of {len(self.findings)} checks; first, {worst.check}: {worst.text}"
+        return first, failures, f"What mends it: {worst.mend}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `stiction robot check --json` prints."""
@@ -71,7 +71,7 @@ class RobotCheck(Result):
 
 
 MODEL_FILES = ("robot.xml", "robot.yaml", "robot.png")
-"""What `write_model` writes."""
+"""Files that `write_model` writes."""
 
 
 def write_model(robot: Robot, folder: Path) -> None:

@@ -36,15 +36,15 @@ class Trained(Result):
     """A finished run."""
 
     path: Path
-    """Its folder: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
+    """Folder of the run: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
     summary: dict[str, Any]
-    """What summary.json holds."""
+    """Content of summary.json."""
 
     @property
     def last(self) -> dict[str, Any]:
         """Figures of the student's last iteration; of a run of one phase, of its only one."""
-        found = self.summary["last"]
-        return found.get("student", found["teacher"])
+        phases = self.summary["last"]
+        return phases.get("student", phases["teacher"])
 
     def lines(self) -> Sequence[str]:
         """Return where it is, and how the student walks."""
@@ -119,8 +119,8 @@ def train(
     from stiction.learning.run import identified_values
     from stiction.learning.runner import train as run_training
 
-    given = preset_of(preset, device, method) if config is None else config
-    cfg = replace(given, seed=seed, device=device, joints=given.joints if joints is None else str(joints))
+    base_config = preset_of(preset, device, method) if config is None else config
+    cfg = replace(base_config, seed=seed, device=device, joints=base_config.joints if joints is None else str(joints))
     cfg = replace(cfg, task=replace(cfg.task, robot=str(robot)))
     if method is not None or friction_level is not None:
         if friction_from is not None:
@@ -130,7 +130,7 @@ def train(
             old, method=method or old.method, level=old.level if friction_level is None else friction_level
         )
         cfg = replace(cfg, task=replace(cfg.task, friction=friction))
-    base = given if config is None else None
+    base = base_config if config is None else None
     run, cfg = begin(Path(out), cfg, base, "stiction.train(...)", friction_from, several(joint_map), say)
     with output_folder(run.path):
         return Trained(run.path, run_training(cfg, run, identified_values(run.header()), progress))
@@ -162,12 +162,12 @@ def begin(
     return begin_run(out, cfg, command, joint_map, say, ranks or ALONE)
 
 
-def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:
+def _proposal(source: Identified | str | Path) -> tuple[dict[str, Any], str]:
     """Return what a `training.json` holds, and what messages call it."""
-    if not isinstance(given, Identified):
-        return read_training(Path(given)), Path(given).name
+    if not isinstance(source, Identified):
+        return read_training(Path(source)), Path(source).name
     # As a file would hold it: tuples become lists, as the reader expects them.
-    proposed = json.loads(json.dumps(given.training))
+    proposed = json.loads(json.dumps(source.training))
     if proposed["friction"] is None:
         raise ConfigurationError(f"the identification proposes no training: {proposed['text']}")
     return proposed, "the identification"

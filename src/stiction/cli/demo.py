@@ -124,8 +124,8 @@ def _loop(cfg: DemoCfg) -> None:
         print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")
         return
     show(rows)
-    for name, (held, found) in shares(rows).items():
-        print(f"{name.split('_')[0]}: {held} of {found} intervals of 95 % hold what the joint really has")
+    for name, (held, total) in shares(rows).items():
+        print(f"{name.split('_')[0]}: {held} of {total} intervals of 95 % hold what the joint really has")
 
 
 def _say(text: str) -> None:
@@ -171,8 +171,8 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
         identify.main([*arguments, "--overwrite"])
     folder = Path(arguments[arguments.index("--out") + 1])
     (name, record), *_ = load_joints(folder / "joints.json").joints.items()
-    found, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
-    return DemoJoint(title, command, name, record, (found.blocks[0], *cloud.blocks))
+    summary, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
+    return DemoJoint(title, command, name, record, (summary.blocks[0], *cloud.blocks))
 
 
 def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:

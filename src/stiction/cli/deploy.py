@@ -83,7 +83,7 @@ class DeployCfg:
     bundle: Annotated[Path, ARGUMENT]
     """Directory of the bundle, or the name of one that comes with the package."""
     robot: str = "virtual"
-    """How the robot is reached: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
+    """Address of the robot: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
     held: HeldCfg = field(default_factory=HeldCfg, metadata=UNITREE)
     """Gains of joints that the robot has and the policy does not move, of a Unitree robot."""
     domain: int = field(default=0, metadata=UNITREE)
@@ -118,11 +118,11 @@ class DeployCfg:
     gap: float = 0.06
     """Longest time between two turns of the supervisor's own loop [s]."""
     limits: LimitsCfg = field(default_factory=LimitsCfg)
-    """Of what goes out."""
+    """Command limits."""
     safety: SafetyCfg = field(default_factory=SafetyCfg)
-    """Of what the robot may do."""
+    """Safety limits."""
     operator: OperatorCfg = field(default_factory=OperatorCfg, metadata=HEARTBEAT)
-    """Who may stop or steer the run."""
+    """Remote stop and velocity inputs."""
     realtime: int | None = None
     """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
     key: Path | None = None
@@ -130,13 +130,13 @@ class DeployCfg:
     expect_digest: str | None = None
     """Digest that the bundle must have, as `stiction verify` prints it."""
     robot_seed: int = field(default=1000, metadata=VIRTUAL)
-    """Which virtual robot."""
+    """Seed of the virtual robot."""
     engine: str = field(default="mujoco", metadata=VIRTUAL)
     """Physics engine of the virtual robot."""
     friction_level: str = field(default="0.1", metadata=VIRTUAL)
     """Dry friction of the virtual robot's joints: a fraction of the torque limit, or bench, or bench+0.02."""
     robot_cell: str = field(default="all", metadata=VIRTUAL)
-    """What of the virtual robot is real: all, nominal, or groups such as friction+delays."""
+    """Imperfections of the virtual robot: all, nominal (none), or groups such as friction+delays."""
     stand: bool = field(default=False, metadata=VIRTUAL)
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = field(default=(), metadata=VIRTUAL)
@@ -164,7 +164,7 @@ def main(arguments: list[str]) -> int:
     if cfg.report is not None:
         check_file(cfg.report, cfg, "--report")  # before the robot moves
     report: dict[str, Any] = {}
-    said: list[str] = []
+    failures: list[str] = []
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
         drive = _planned(cfg, address, check_bundle(folder, cfg.expect_digest, cfg.key).bundle, folder)
@@ -176,17 +176,17 @@ def main(arguments: list[str]) -> int:
     except UnwrittenError as error:
         if not report:
             raise
-        said = [str(error)]  # The run was made: how it ended is said all the same.
+        failures = [str(error)]  # The run was made: its end is reported all the same.
     if cfg.json:
         print(_text(report), end="")
     if report["log_end"] is not None:
-        said.insert(0, f"its log is not whole: {report['log_end']}")
+        failures.insert(0, f"its log is not whole: {report['log_end']}")
     refused = (
         [] if report.get("complaint") is None else [f"{report['malformed']} states refused, {report['complaint']}"]
     )
-    failed = bool(said) or report["stop"] is not None
+    failed = bool(failures) or report["stop"] is not None
     if failed or refused:
-        lines = [report["end"], *said, *refused] if failed else refused
+        lines = [report["end"], *failures, *refused] if failed else refused
         print(f"stiction deploy: {'; '.join(lines)}", file=sys.stderr)
     if failed:
         return 128 + report["signal"] if report.get("signal") else 1
@@ -216,8 +216,8 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
 
     planned = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
     command = parse_command(cfg.command)
-    if said := untrained([command], bundle.contract):
-        raise ConfigurationError(f"{said}; command less")
+    if message := untrained([command], bundle.contract):
+        raise ConfigurationError(f"{message}; command less")
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
     friction = None
     if cfg.forward is not None:

@@ -64,9 +64,9 @@ class EvaluateCfg:
     measured-motor, the same in the motors' controllers. With another share: reference=0.8. Policies are called
     NAME+measured, NAME+reference=0.8, and by error NAME+forward."""
     known_friction: str = "contract"
-    """What policies are told that observe their joints' friction (`train --task.known-friction`), f/τ_max of each kind
-    of joint. contract: what their bundles say; true: what each robot has; bench: of a virtual robot what identify finds
-    on its own bench, which takes minutes a robot and level, else as true; 0.1: that, of every joint; true*0.7,
+    """Friction told to policies that observe their joints' friction (`train --task.known-friction`), f/τ_max of each
+    kind of joint. contract: as in their bundles; true: as in each robot; bench: of a virtual robot as identified on its
+    own bench, which takes minutes per robot and level, else as true; 0.1: this value for every joint; true*0.7,
     bench*1.3: with an error. Other policies are told nothing."""
     terrains: tuple[str, ...] = ("flat",)
     """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not

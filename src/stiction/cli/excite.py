@@ -27,7 +27,7 @@ Examples:
   stiction identify log.csv --out identified"""
 
 RESULTS = ("trajectory.csv", "trajectory.json", "design.json", "design.npz", "report.html")
-"""What is written into --out."""
+"""Files written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,7 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
 
 
 def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
-    """Say how long to run what."""
+    """Return instructions to play the trajectory, one per line."""
     reached, limits, wanted = design.reached, design.limits, design.wanted
     best = min((sine.worst for sine in design.sines), default=None)
     lines = [

@@ -32,7 +32,7 @@ Examples:
 
 
 Target = Literal["bundle", "webots", "deploy.yaml", "rl_sar", "mjlab"]
-"""What can be made: a bundle of a run, and the others of a bundle."""
+"""Forms of export: a bundle of a run, the other forms of a bundle."""
 
 
 @dataclass(frozen=True)
@@ -43,31 +43,30 @@ class ExportCfg:
     """Directory of a run, as `stiction train` made it. With another --to than bundle: of a bundle, or the name of a
     shipped one, or a run with its bundle in it."""
     to: Target = "bundle"
-    """What to make."""
+    """Form of the export."""
     out: Path | None = None
     """Directory to make; by default `bundle` within the run, or `webots-NAME`, `rl_sar-NAME` and so on here for the
     bundle NAME."""
     wear: Path | None = field(default=None, metadata=needs("--to bundle"))
-    """Of a bundle: the RUN-wear.json that `stiction study adaptation` wrote for this run; it then also watches for
-    wear."""
+    """RUN-wear.json that `stiction study adaptation` wrote for this run; the bundle then also watches for wear."""
     joints: Path | None = field(default=None, metadata=needs("--to bundle"))
-    """Of a bundle whose policy is told its joints' friction: the joints.json of the robot that it is for. Without it,
-    the policy is told the nominal friction of training."""
+    """joints.json of the target robot, for a policy that observes its joints' friction; by default the nominal friction
+    of training."""
     joint_map: tuple[str, ...] = field(default=(), metadata=needs("--to bundle"))
     """RECORDED=JOINT pairs where the records of --joints have other names than the policy's joints."""
     maker_targets: Path | None = field(default=None, metadata=needs("--to bundle"))
-    """Of a bundle: also write the targets of its golden vectors to this CSV, in the order, with the signs and zeros of
-    the robot's maker, held joints included: to be played with the robot in the air, and watched joint by joint."""
+    """CSV to which the targets of the golden vectors are also written, in the order, with the signs and zeros of the
+    robot's maker, held joints included: to be played with the robot in the air, and watched joint by joint."""
     uncorrected: bool = field(default=False, metadata=needs("--to bundle"))
-    """Of a bundle: leave out the correction of commands, to compare with and without it."""
+    """Leave out the correction of commands, to compare with and without it."""
     friction_level: float | None = field(default=None, metadata=needs("--to webots"))
-    """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
-    can be changed in the worlds."""
+    """Dry friction of the joints in a Webots project as a fraction of each torque limit [-], 0 by default. It can be
+    changed in the worlds."""
     step_height: float | None = field(default=None, metadata=needs("--to webots"))
-    """Of a Webots project: height of the stairs' steps [m], 0.1 by default."""
+    """Height of the stairs' steps in a Webots project [m], 0.1 by default."""
     robot: str | None = field(default=None, metadata=needs("--to bundle or webots"))
-    """Of a Webots project: a robot of your own in place of the bundle's, a file or `package.module:NAME`. Of a bundle:
-    the robot that the run's config.json names as a module, said again: a module that a file names is not run."""
+    """Robot of a Webots project in place of the bundle's: a file or `package.module:NAME`. For a bundle: the module
+    that the run's config.json names as robot, typed again, since no module is run because a file names it."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -111,14 +110,16 @@ def _to_others(cfg: ExportCfg, to: Literal["webots", "deploy.yaml", "rl_sar", "m
     from stiction.files.bundle import find_bundle
 
     source = find_bundle(cfg.source)
-    given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
+    settings = {
+        name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None
+    }
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
         if to == "webots":
             # Its robot is built with the simulator, which no other target asks for.
             from stiction.exchange.webots.export import WebotsCfg, export_webots
 
-            done = export_webots(source, out, WebotsCfg(**given), cfg.robot)
+            done = export_webots(source, out, WebotsCfg(**settings), cfg.robot)
         else:
             from stiction.exchange.policies.exporter import export_to
 

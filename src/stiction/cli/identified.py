@@ -1,4 +1,4 @@
-"""What `stiction identify` has for joints, limbs and walks alike: options, inputs, and how results are printed."""
+"""Options, inputs and printed results that `stiction identify` shares among joints, limbs and walks."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ USUAL = ("--robot", "--kp", "--kd", "--torque-limit", "--torque-source", "--out"
 ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-scale", "--rate", "--from", "--to")
 
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
-"""What is written into --out."""
+"""Files written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """How a log is read that is not in our own form."""
+    """Options for reading a log of another form than our own."""
 
     names: tuple[str, ...] = ()
     """Names of the joints, in order, for a log that only numbers them."""
@@ -45,9 +45,9 @@ class ReadOptions:
     time_scale: float | None = None
     """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
     begin: Annotated[float | None, flag("--from")] = None
-    """Where to begin in the log, from its first stamp [s]."""
+    """Start of the part of the log to use, from its first stamp [s]."""
     end: Annotated[float | None, flag("--to")] = None
-    """Where to end in the log, from its first stamp [s]."""
+    """End of the part of the log to use, from its first stamp [s]."""
     rate: float | None = None
     """Samples per second of a log without time stamps [Hz]."""
     sidecar: Path | None = None
@@ -63,7 +63,7 @@ class ReadOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class WriteOptions:
-    """Where results go, and what reading and fitting may take."""
+    """Output folder, and limits of reading and fitting."""
 
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""

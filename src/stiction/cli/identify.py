@@ -142,15 +142,15 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if config.robot is None:
         with work_progress() as progress:
             held = next(iter(unseen), None)
-            found = identify_joints(first, setup, config.joint, repeats, more, progress=progress, held_out=held)
+            result = identify_joints(first, setup, config.joint, repeats, more, progress=progress, held_out=held)
     else:
         limb = part_of(LimbSetup, config)
         with Terminal(stderr=True).status("fitting all joints at once"):
-            found = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
+            result = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
     with results_folder(config.out, "identify", config, RESULTS, inputs):
-        found.write(config.out, command, config.page)
-    print_results(config, found.file, command)
-    return status_of(found.file)
+        result.write(config.out, command, config.page)
+    print_results(config, result.file, command)
+    return status_of(result.file)
 
 
 def _is_walk(path: Path) -> bool:

@@ -52,7 +52,7 @@ GROUPS = {"usually needed": (*USUAL, "--mass-known"), "odd logs": (*ODD, "--join
 """The options for walks that people use."""
 
 DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
-"""What may be declared of the motors in the log of a walk."""
+"""Settings of the motors that may be declared for the log of a walk."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
     torque_limit: float | None = None
     """Largest torque of the motors [N m]; by default the robot's."""
     torque_source: Literal["motor_side", "output_side"] | None = None
-    """Where torque was measured: motor_side is current or command, output_side a sensor behind the gear."""
+    """Place of the torque measurement: motor_side is current or command, output_side a sensor behind the gear."""
     torque_scale: float | None = None
     """N m per unit of the torque column."""
     position_scale: float | None = None
@@ -110,15 +110,15 @@ def identify_walk(arguments: list[str]) -> int:
                 raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
             declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
             walk = foreign_walk(log, find_robot(options.robot), declared, part_of(RobotLogSetup, options), setup)
-        found = pipeline.identify_walk(walk)
+        result = pipeline.identify_walk(walk)
         with results_folder(options.out, VERB, options, RESULTS, inputs):
-            found.joints.write(options.out / "joints.json")
-            write_proposal(options.out, found.joints)
-            write_walk_fit(options.out / "fit.npz", found.fit)
+            result.joints.write(options.out / "joints.json")
+            write_proposal(options.out, result.joints)
+            write_walk_fit(options.out / "fit.npz", result.fit)
             if options.page:
                 write_walking_page(options.out, command)
-    print_results(options, found.joints, command)
-    return status_of(found.joints)
+    print_results(options, result.joints, command)
+    return status_of(result.joints)
 
 
 def _refuse_declared(options: WalkOptions) -> None:

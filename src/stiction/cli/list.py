@@ -23,7 +23,7 @@ class ListCfg:
     """Options of the verb."""
 
     what: Annotated[Literal["all", "robots", "policies", "engines"], ARGUMENT] = "all"
-    """What to list."""
+    """Kind of listing."""
     json: bool = False
     """Print the list as JSON on standard output, and nothing else."""
 
@@ -31,15 +31,15 @@ class ListCfg:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     cfg = read_options(ListCfg, arguments, "stiction list", DESCRIPTION)
-    found = {name: make() for name, (make, _) in KINDS.items() if cfg.what in ("all", name)}
+    listing = {name: make() for name, (make, _) in KINDS.items() if cfg.what in ("all", name)}
     if cfg.json:
-        print(json.dumps(found, indent=2))
+        print(json.dumps(listing, indent=2))
         return 0
     from rich.table import Table
 
     from stiction.report.terminal import Terminal
 
-    for name, rows in found.items():
+    for name, rows in listing.items():
         table = Table(*KINDS[name][1])
         table.columns[0].no_wrap = True
         for row in rows:
@@ -70,10 +70,10 @@ def policies() -> list[dict[str, Any]]:
     """Return the shipped policies: the robot and the ground of their training, and the friction of its joints."""
     from stiction.files.bundle import read_bundle, shipped_bundles
 
-    found = {name: read_bundle(path).contract for name, path in shipped_bundles().items()}
+    contracts = {name: read_bundle(path).contract for name, path in shipped_bundles().items()}
     return [
         {"name": name, "robot": policy.robot, "terrain": policy.terrain, "training": policy.trained}
-        for name, policy in found.items()
+        for name, policy in contracts.items()
     ]
 
 
@@ -83,7 +83,7 @@ def engines() -> list[dict[str, Any]]:
 
     rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
-        here = all(found is not None for found in spec.binaries().values())
+        here = all(binary is not None for binary in spec.binaries().values())
         old = outdated(spec.extra) if spec.extra else None
         here = here and is_installed(PACKAGES.get(spec.name, "stiction")) and old is None
         install = old or (install_command(spec.extra, source, program) if spec.extra and not here else "–")
@@ -99,4 +99,4 @@ KINDS = {
     "policies": (policies, ("policy", "robot", "ground", "friction in training")),
     "engines": (engines, ("engine", "installed", "if not: install it by")),
 }
-"""What can be listed -> the function that returns it, and the headings of its table."""
+"""Kind of listing -> the function that returns its rows, and the headings of its table."""

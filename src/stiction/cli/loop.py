@@ -34,7 +34,7 @@ SECONDS = 12.0
 """Length of the walk [s]."""
 
 TRIES = 3
-"""How often a run is made on a machine that was too busy for it."""
+"""Number of attempts at a run on a machine too busy for it."""
 
 WAITS, WAITS_FOR_POLICY = ("--stale", "0.5", "--gap", "0.5"), ("--silence", "2")
 """How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here
@@ -54,17 +54,17 @@ class JointRow:
     """One joint before and after deployment. Friction as the motors' own torque tells it, f/k [N m]."""
 
     joint: str = field(metadata=column("joint", form=str))
-    """Its name."""
+    """Name of the joint."""
     own: float = field(metadata=column("the robot's own f/k", "N m", ".3g"))
-    """What the virtual robot really has, over the true torque constant in units of the data sheet's."""
+    """True friction of the virtual robot, over the true torque constant in units of the data sheet's."""
     bench: str = field(metadata=column("on the bench, 95 %", "N m", str))
     """Interval that the bench's log gave."""
     walk: str = field(metadata=column("after deployment, 95 %", "N m", str))
     """Interval that the walk's log gave."""
     bench_holds: bool | None = field(metadata=column("bench holds", form=_yes))
-    """Whether the robot's own is in the bench's interval; None where nothing was found."""
+    """True if the bench's interval holds the true friction; None without an interval."""
     walk_holds: bool | None = field(metadata=column("walk holds", form=_yes))
-    """The same of the walk."""
+    """True if the walk's interval holds the true friction; None without an interval."""
 
 
 def run_loop(out: Path) -> list[JointRow]:
@@ -72,19 +72,19 @@ def run_loop(out: Path) -> list[JointRow]:
 
     Raises `StictionError` where a step fails: what it said stands on standard error.
     """
-    found: dict[str, tuple[float, float]] = {}
+    bench_intervals: dict[str, tuple[float, float]] = {}
     virtual = ["--robot", "virtual", "--armed", "--robot-seed", str(SEED), "--friction-level", LEVEL]
     for kind in KINDS:
         motion, bench = out / f"excite-{kind}", out / f"bench-{kind}"
         _step("excite", "--robot", ROBOT, "--joint", kind, "--out", motion)
         _deploy(bench, *virtual, "--stand", "--excitation", motion / "trajectory.csv")
         _step("identify", bench, "--test-condition", "in_air", "--out", out / f"identified-{kind}", "--overwrite")
-        found |= friction_in(out / f"identified-{kind}" / "joints.json")
+        bench_intervals |= friction_in(out / f"identified-{kind}" / "joints.json")
     walk = out / "walk"
     _deploy(walk, *virtual, "--command", "vx=0.4", "--duration", SECONDS, *WAITS_FOR_POLICY)
     _step("identify", "walk", walk, "--out", out / "identified-walk", "--overwrite")
     after = friction_in(out / "identified-walk" / "joints.json")
-    rows = compared(own_friction(), found, after)
+    rows = compared(own_friction(), bench_intervals, after)
     summary = {"joints": [vars(row) for row in rows], **shares(rows)}
     write_text(out / "loop.json", json.dumps(summary, indent=2) + "\n")
     return rows
@@ -103,11 +103,11 @@ def own_friction() -> dict[str, float]:
 
 def friction_in(path: Path) -> dict[str, tuple[float, float]]:
     """Return joint -> 95 % interval of its dry friction [N m], of those that have one, in a joints.json."""
-    found = {}
+    intervals = {}
     for name, record in load_joints(path).joints.items():
         if record.coulomb_friction is not None and not record.objections:
-            found[name] = record.coulomb_friction.interval95
-    return found
+            intervals[name] = record.coulomb_friction.interval95
+    return intervals
 
 
 def compared(
@@ -117,9 +117,9 @@ def compared(
     rows = []
     for joint, value in own.items():
         ends = [interval.get(joint) for interval in (bench, walk)]
-        said = ["" if pair is None else f"{pair[0]:.3g} to {pair[1]:.3g}" for pair in ends]
+        cells = ["" if pair is None else f"{pair[0]:.3g} to {pair[1]:.3g}" for pair in ends]
         holds = [None if pair is None else pair[0] <= value <= pair[1] for pair in ends]
-        rows.append(JointRow(joint, value, said[0], said[1], holds[0], holds[1]))
+        rows.append(JointRow(joint, value, cells[0], cells[1], holds[0], holds[1]))
     return rows
 
 
@@ -148,9 +148,9 @@ def _deploy(out: Path, *words: object) -> None:
 
     Raises `StictionError` where a run was stopped for another reason, or the machine stays busy.
     """
-    said = ("deploy", POLICY, *words, *WAITS, "--out", out)
+    arguments = ("deploy", POLICY, *words, *WAITS, "--out", out)
     for number in range(1, TRIES + 1):
-        status = _status(*said)
+        status = _status(*arguments)
         late = lateness(report_of(out))
         if status == 0:
             if late:
@@ -160,7 +160,7 @@ def _deploy(out: Path, *words: object) -> None:
                 )
             return
         if not late:
-            raise _failure(said, status)
+            raise _failure(arguments, status)
         print(f"the machine was too busy for a robot in real time: {late}; try {number} of {TRIES}", file=sys.stderr)
         if number < TRIES:
             out.rename(out.with_name(f"{out.name}-late{number}"))
@@ -177,7 +177,7 @@ def report_of(out: Path) -> dict[str, Any]:
     expected = "what deploy writes"
     report = read_object(file, expected)
     times = [report.get(name) for name in ("probe_ms", "lateness_ms")]
-    timed = all(isinstance(found, dict) and is_number(found.get("p99")) for found in times)
+    timed = all(isinstance(timing, dict) and is_number(timing.get("p99")) for timing in times)
     if not timed or not isinstance(report.get("stop", ""), dict | None):
         raise FileError(f"{file}: no lateness or no reason of the end in it; expected {expected}")
     return report
@@ -188,11 +188,11 @@ def lateness(report: Mapping[str, Any]) -> str:
     if not report:
         return ""
     rule = (report["stop"] or {}).get("rule")
-    found = [f"`{rule}`"] if rule in TIMING else []
+    causes = [f"`{rule}`"] if rule in TIMING else []
     for name, most, what in (("probe_ms", QUIET, "an idle loop"), ("lateness_ms", LATE, "the policy")):
         if (p99 := report[name]["p99"]) > most:
-            found.append(f"{what} came {p99:.1f} ms late, p99, of {most:g} allowed")
-    return ", ".join(found)
+            causes.append(f"{what} came {p99:.1f} ms late, p99, of {most:g} allowed")
+    return ", ".join(causes)
 
 
 def _step(*words: object) -> None:
@@ -202,9 +202,9 @@ def _step(*words: object) -> None:
 
 
 def _failure(words: Sequence[object], status: int) -> StictionError:
-    """Return what is said of a verb that failed."""
-    said = " ".join(map(str, words))
-    return StictionError(f"`stiction {said}` ended with status {status}; its own line above says why")
+    """Return the error of a verb that failed."""
+    command = " ".join(map(str, words))
+    return StictionError(f"`stiction {command}` ended with status {status}; its own line above says why")
 
 
 def _status(*words: object) -> int:
@@ -213,7 +213,7 @@ def _status(*words: object) -> int:
 
     from stiction.cli.main import main
 
-    said = [*map(str, words)]
-    print(f"$ stiction {' '.join(said)}", file=sys.stderr)
+    arguments = [*map(str, words)]
+    print(f"$ stiction {' '.join(arguments)}", file=sys.stderr)
     with redirect_stdout(sys.stderr):
-        return main(said) or 0
+        return main(arguments) or 0

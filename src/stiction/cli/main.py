@@ -108,8 +108,8 @@ def main(arguments: list[str]) -> int:
         return 2
     name = _named(verb, rest)
     if odd := next((word for word in rest if not _is_text(word)), None):
-        said = f"{odd!r} is no UTF-8 text, in which results name the command that made them; rename it"
-        print(f"stiction {name}: {said}", file=sys.stderr)
+        explanation = f"{odd!r} is no UTF-8 text, in which results name the command that made them; rename it"
+        print(f"stiction {name}: {explanation}", file=sys.stderr)
         return 1
     # Before the verb's module: NumPy and torch read their settings when they are imported.
     limit_library_threads()
@@ -130,8 +130,8 @@ def main(arguments: list[str]) -> int:
                 require(NEEDS[verb])
             return int(run(rest) or 0)
     except KeyboardInterrupt as stop:
-        said, status = stopped(stop)
-        print(f"stiction {name}: {said}", file=sys.stderr)
+        explanation, status = stopped(stop)
+        print(f"stiction {name}: {explanation}", file=sys.stderr)
         return status
     except Exception as error:
         return failed(error, name, debug)

@@ -1,4 +1,4 @@
-"""What a command does with its process: its streams, the signals that end it, and one line for whatever goes wrong."""
+"""Process of a command: its streams, the signals that end it, and one line for any failure."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Stream:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """Say, or bear, that the stream cannot be written; Python will not try again when it closes it."""
+        """Handle a stream that cannot be written, so that Python does not try again on closing it."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
         # What is left in the buffer is written at exit, and must not fail there once more.
         os.dup2(nowhere, self._file.fileno())
@@ -119,18 +119,18 @@ def explained(error: Exception, verb: str) -> str:
         missing = missing_extra(error, "this verb")
         if missing is not None:
             return missing
-    said = " ".join(escaped(str(error)).split())[:LONGEST]
+    message = " ".join(escaped(str(error)).split())[:LONGEST]
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'a file'}: {error.strerror}; expected one that can be read or written"
     if isinstance(error, MemoryError):
-        return f"there is not enough memory ({said or 'the system gave none'}); ask for less at once"
-    if "MUJOCO_GL" in said:  # MuJoCo reads it when it is imported
-        return f"{said}; expected egl, osmesa, glfw or disable, or nothing: unset it"
+        return f"there is not enough memory ({message or 'the system gave none'}); ask for less at once"
+    if "MUJOCO_GL" in message:  # MuJoCo reads it when it is imported
+        return f"{message}; expected egl, osmesa, glfw or disable, or nothing: unset it"
     if "mujoco" in sys.modules and "mjlab" not in sys.modules and (old := outdated()) is not None:
-        return f"{old} (unforeseen {type(error).__name__}: {said})"
+        return f"{old} (unforeseen {type(error).__name__}: {message})"
     return (
-        f"unforeseen {type(error).__name__}: {said}; this is a fault of stiction: please report it where you found the "
-        f"project, with what `stiction {verb} ... {DEBUG}` says"
+        f"unforeseen {type(error).__name__}: {message}; this is a fault of stiction: please report it where you found "
+        f"the project, with what `stiction {verb} ... {DEBUG}` says"
     )
 
 

@@ -58,20 +58,20 @@ def main(arguments: list[str]) -> int:
 
 
 def _check(cfg: CheckCfg) -> int:
-    """Print what the checks found; return 1 where one is bad."""
+    """Print the findings of the checks; return 1 if one is bad."""
     from stiction.api.robot import check_robot
 
-    found = check_robot(cfg.robot)
-    findings, bad = found.findings, found.bad
+    check = check_robot(cfg.robot)
+    findings, bad = check.findings, check.bad
     if cfg.json:
-        print(json.dumps(found.to_dict(), indent=2))
+        print(json.dumps(check.to_dict(), indent=2))
         return int(bool(bad))
     from rich.table import Table
 
     from stiction.report.glance import Glance, print_glance
     from stiction.report.terminal import Terminal
 
-    robot, names = found.robot, ", ".join(dict.fromkeys(finding.check for finding in bad))
+    robot, names = check.robot, ", ".join(dict.fromkeys(finding.check for finding in bad))
     good = ", ".join(dict.fromkeys(finding.check for finding in findings if finding.state == "good"))
     glance = Glance(
         f"{robot.name} ({cfg.robot}): {robot.mass:.4g} kg, {len(robot.joints)} joints, {len(robot.feet)} feet",
@@ -86,7 +86,7 @@ def _check(cfg: CheckCfg) -> int:
         for finding in findings:
             if finding.state == state:
                 table.add_row(finding.check, finding.text, finding.mend, style=style)
-    for note in found.notes:
+    for note in check.notes:
         table.add_row("file", note, "", style="yellow")
     print_glance(Terminal(), glance, *([table] if table.row_count else []))
     if bad:
@@ -182,4 +182,4 @@ Examples:
   stiction robot check robot.yaml
   stiction robot show robot.yaml --out robot
   stiction robot list"""
-"""What `stiction robot --help` says."""
+"""Text of `stiction robot --help`."""

@@ -22,7 +22,7 @@ Examples:
   stiction convert actuator --to mjlab --out nets"""
 
 RESULTS = ("actuator.npz", "summary.json", "fit.npz", "report.html")
-"""What is written into --out."""
+"""Files written into --out."""
 
 
 @dataclass(frozen=True)

@@ -43,20 +43,20 @@ def main(arguments: list[str]) -> None:
     from stiction.api.policy import verified
 
     try:
-        found = verified(cfg.bundle, cfg.against, cfg.key, cfg.expect_digest, cfg.allow)
+        verification = verified(cfg.bundle, cfg.against, cfg.key, cfg.expect_digest, cfg.allow)
     except StictionError as error:
         if cfg.json:
             print(json.dumps({"ok": False, "bundle": cfg.bundle.name, "error": str(error)}, indent=2))
         raise
     if cfg.json:
-        print(json.dumps(found.to_dict(), indent=2))
+        print(json.dumps(verification.to_dict(), indent=2))
     else:
         known = "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None
-        print_glance(Terminal(), _glance(found.check, str(cfg.bundle), known))
+        print_glance(Terminal(), _glance(verification.check, str(cfg.bundle), known))
 
 
-def _glance(check: BundleCheck, given: str, known: str | None) -> Glance:
-    """Return a bundle that passed every check. given: as typed; known: `expected` or `allowed`, as its digest was."""
+def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
+    """Return the glance at a valid bundle; bundle_path: as typed; known: digest `expected` or `allowed`, or None."""
     from stiction.files.golden import exercise_of
     from stiction.files.known_friction import known_friction_text
     from stiction.files.onset import golden_motion, predict_onset
@@ -85,7 +85,7 @@ def _glance(check: BundleCheck, given: str, known: str | None) -> Glance:
         "Verified",
         f"every check passed, {checked}{signed}",
         "good",
-        f"stiction evaluate {shlex.quote(given)}",
+        f"stiction evaluate {shlex.quote(bundle_path)}",
         notes=tuple(notes),
         why=f"digest {bundle.digest}" + ("" if known is None else f", as {known}"),
     )

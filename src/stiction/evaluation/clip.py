@@ -32,10 +32,10 @@ WIDTH, HEIGHT = 320, 240
 FRAME_EVERY = 2
 
 SETTLE = 1.0
-"""What is not shown at the start [s]."""
+"""Time at the start that is not shown [s]."""
 
 TIMEOUT = 120.0
-"""Longest that a clip may take [s]."""
+"""Maximum time to make a clip [s]."""
 
 CAMERA = {"azimuth": 125.0, "elevation": -30.0, "distance": 1.8}
 """Position of the camera about the robot [degrees, m]."""
@@ -239,7 +239,7 @@ TOGETHER = 8.0
 """Length of the clip [s], from the start."""
 
 TIMEOUT_TOGETHER = 300.0
-"""Longest that a clip may take [s]."""
+"""Maximum time to make a clip of all policies [s]."""
 
 LANE = 1.3
 """Distance of two robots from each other, over their width at least [m]."""

@@ -145,7 +145,7 @@ class ClipRecorder:
         self._filming = (shot, process, time.monotonic() + TIMEOUT)
 
     def _give_up(self, reason: str) -> None:
-        """Say why there are no more clips."""
+        """Print why no more clips follow."""
         self._lost = True
         self.abandon()
         self.say(

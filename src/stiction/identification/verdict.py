@@ -1,4 +1,4 @@
-"""How much friction, does it matter, what to run: three lines, and behind them the numbers that they rest on.
+"""Verdict on a joint in three lines (friction, importance, command to run), and the numbers behind them.
 
 Where the fit is not valid the three lines say what to do first, why, and that there is no level. Of walking is spoken
 where the joint is a leg's. From which friction on a policy suffers, which training to choose, and what it covers: see
@@ -83,13 +83,13 @@ def torque_unit(run: Run) -> dict[str, Any] | None:
 def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
     """Return the flags that friction rests on and nothing in the log shows, and the same in words; empty where none."""
     data, rotary = record.diagnostics, record.axis == "rotary"
-    source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
+    source, torque_data = data.get("strength", {}).get("source"), data.get("torque_unit")
     if source == "declared":
         return ("--set motor_strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
     if record.torque_source is None and record.kp is not None and record.coulomb_friction is None:
         gain = f"{record.kp:.4g} {'N m/rad' if rotary else 'N/m'}"
-        said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
-        return ("--kp", "--kd", "--position-scale"), said
+        text = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
+        return ("--kp", "--kd", "--position-scale"), text
     if record.torque_source is None or record.coulomb_friction is None:
         return (), ""
     if "torque_by_weight" in data:
@@ -100,26 +100,29 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
             shows = f"{together}, and of each nothing"
         return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
     # Where there is a mismatch, however small, the torque was held against gains and positions: that shows its scale.
-    if given is None or data.get("controller_mismatch") is not None:
+    if torque_data is None or data.get("controller_mismatch") is not None:
         return (), ""
     if source == "known_load":
         # A pendulum beside a torque of known unit was held against it.
-        if not given["weight"] or (given["calibrated"] and "--pendulum-mass" in given["weight"]):
+        if not torque_data["weight"] or (torque_data["calibrated"] and "--pendulum-mass" in torque_data["weight"]):
             return (), ""
-        said = "all of it if the known weight is as declared, which tells the scale of the torque"
-        return tuple(given["weight"]), said
-    return _of_unit(given, data.get("torque_by_links"), "N m" if rotary else "N")
+        text = "all of it if the known weight is as declared, which tells the scale of the torque"
+        return tuple(torque_data["weight"]), text
+    return _of_unit(torque_data, data.get("torque_by_links"), "N m" if rotary else "N")
 
 
-def _of_unit(given: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
-    """Return what a torque column rests on; given: `torque_unit`; links: its scale by the links of a limb, or None."""
-    declared = given["declared"]
-    if given["column"] == "torque":
+def _of_unit(torque_data: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
+    """Return the assumptions behind a torque column.
+
+    torque_data: `torque_unit` of the record; links: its scale by the links of a limb, or None.
+    """
+    declared = torque_data["declared"]
+    if torque_data["column"] == "torque":
         flags, what = ("--torque-scale",), f"the torque is in {unit}"
         shows = "without --kp, --kd and a target nothing shows it"
     else:
         numbers = [f"{name} {declared[flag]:.4g} {of}" for flag, (name, of) in NAMED.items() if flag in declared]
-        flags, what = ("--torque-column", *declared), f"the column is a {', '.join([given['column'], *numbers])}"
+        flags, what = ("--torque-column", *declared), f"the column is a {', '.join([torque_data['column'], *numbers])}"
         shows = "nothing in the log shows it, and a known pendulum would (--pendulum-mass, --pendulum-length)"
     if links is not None:
         low, high = links["interval95"]
@@ -166,23 +169,23 @@ WITHOUT_TASK = "cannot be told without the task"
 
 @dataclass(frozen=True)
 class TrainingNeed:
-    """What the friction of one joint asks of a training."""
+    """Requirements that the friction of one joint sets for training."""
 
     level: float | None
     """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
     without a torque limit, beyond what can be trained, and where the fit is not valid."""
     lines: tuple[str, ...]
-    """How much friction there is, whether it matters, and what to run; or what to do first, why, and what not to do."""
+    """Amount of friction, its importance, and the command to run; or the first step, its reason, and steps to avoid."""
     details: tuple[str, ...] = ()
-    """What the lines rest on, a sentence or more each."""
+    """Evidence for the lines, one or more sentences each."""
     placement: tuple[Placement, ...] = ()
     """Rank of ratio and dead band among public joints of the same condition."""
     advice: Advice | None = None
-    """What to train with; None without a level."""
+    """Training method and settings; None without a level."""
     training: dict[str, Any] | None = None
     """Fields of `task.friction` in a run's configuration; None without a level."""
     proposal: str = ""
-    """What that training is or draws, and what of the joint's friction it covers; begins with a verb."""
+    """Description of that training and the friction that it covers; begins with a verb."""
     assumes: tuple[str, ...] = ()
     """Flags whose numbers the friction rests on and nothing in the log shows; the first line says so."""
     answer: str = "cannot be told"
@@ -265,7 +268,7 @@ def judge(
 
 
 def _invalid(record: JointRecord) -> tuple[str, ...]:
-    """Say what to do first, why, and what not to do."""
+    """Return the first step, its reason, and steps to avoid."""
     first, *more = record.objections
     others = f" And {len(more)} more: {'; '.join(one.seen for one in more)}." if more else ""
     return (
@@ -276,7 +279,7 @@ def _invalid(record: JointRecord) -> tuple[str, ...]:
 
 
 def _how_much(record: JointRecord) -> str:
-    """Say how much dry friction there is, at rest where that is more, of what limit, under which condition."""
+    """Return the amount of dry friction (at rest if larger), as a share of the limit, and the condition of the test."""
     measured = "measured " + CONDITIONS.get(record.test_condition or "", "under a condition that was not stated")
     ratio, less, limit = record.friction_ratio, record.dynamic_ratio, record.torque_limit
     moving, holding = record.moving_friction, record.holding_friction
@@ -302,7 +305,7 @@ def _how_much(record: JointRecord) -> str:
 
 
 def _ignored(record: JointRecord) -> str:
-    """Say which position errors the joint ignores."""
+    """Return the position errors that the joint ignores."""
     if record.dead_band is None:
         return "The dead band f/kp would tell what position errors the joint ignores (--kp)."
     low, high = record.dead_band.interval95
@@ -363,7 +366,7 @@ def _to_do(record: JointRecord, level: float | None, legs: bool) -> tuple[str, s
 
 
 def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:
-    """Say what the advised training is or draws, and what of a joint's friction it covers and does not.
+    """Return the advised training, and the friction of the joint that it covers and omits.
 
     drawn: what it draws of friction at rest, in words; empty where it draws none.
     """
@@ -383,7 +386,7 @@ def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:
 
 
 def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice: Advice | None) -> tuple[str, ...]:
-    """Say what the lines rest on, and what the log leaves open."""
+    """Return the evidence behind the lines, and questions that the log leaves open."""
     details = [_ignored(record)] if legs else []
     details += [rank.text for rank in ranks]
     if record.axis == "rotary" and record.test_condition != "loaded":
@@ -453,7 +456,7 @@ def propose(file: JointsFile) -> dict[str, Any]:
 
 
 def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
-    """Say which joint sets the level, and which joints were not asked."""
+    """Return the joint that sets the level, and the joints left out."""
     record = file.joints[worst]
     measured = CONDITIONS.get(record.test_condition or "", "under no stated condition")
     text = f"provisional; level {levels[worst]:g} of {worst}, the worst of {len(levels)}, measured {measured}"

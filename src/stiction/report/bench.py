@@ -121,7 +121,7 @@ class BenchRow:
 
 @dataclass(frozen=True)
 class Day:
-    """What a day's folder holds."""
+    """Content of a day's folder."""
 
     walks: tuple[Walk, ...]
     joints: tuple[JointFriction, ...]
@@ -300,24 +300,27 @@ def missing(day: Day, rows: Sequence[BenchRow]) -> list[str]:
     policies, conditions, commands = (
         sorted({getattr(row, name) for row in rows}) for name in ("policy", "condition", "command")
     )
-    said = [f"no second {name}: nothing to compare" for name, found in (("policy", policies), ("friction", conditions))
-            if len(found) < 2]  # fmt: skip
+    lines = [
+        f"no second {name}: nothing to compare"
+        for name, values in (("policy", policies), ("friction", conditions))
+        if len(values) < 2
+    ]
     by_cell = {(row.policy, row.condition, row.command): row for row in rows}
     for cell in product(policies, conditions, commands):
         where, row = f"{cell[0]}, {cell[1]}, {cell[2]}", by_cell.get(cell)
         if row is None:
-            said.append(f"{where}: not walked")
+            lines.append(f"{where}: not walked")
             continue
         if row.runs < FEWEST:
-            said.append(f"{where}: {row.runs} of {FEWEST} runs")
+            lines.append(f"{where}: {row.runs} of {FEWEST} runs")
         if row.predicted is None and row.command != "stand":
-            said.append(f"{where}: no prediction; `stiction evaluate --out DAY/{cell[1]}/predicted`")
+            lines.append(f"{where}: no prediction; `stiction evaluate --out DAY/{cell[1]}/predicted`")
     identified = {joint.condition for joint in day.joints}
-    said += [f"{condition}: no friction identified" for condition in conditions if condition not in identified]
+    lines += [f"{condition}: no friction identified" for condition in conditions if condition not in identified]
     unknown = [w.run for w in day.walks if w.reached is None and not w.stop and w.command.direction is not None]
-    said += [f"{run}: no distance in {SHEET}" for run in unknown]
-    said += [f"{walk.run}: the policy came late; walk it again" for walk in day.walks if walk.late]
-    return said + [f"{run}: a dry run, left out" for run in day.dry]
+    lines += [f"{run}: no distance in {SHEET}" for run in unknown]
+    lines += [f"{walk.run}: the policy came late; walk it again" for walk in day.walks if walk.late]
+    return lines + [f"{run}: a dry run, left out" for run in day.dry]
 
 
 def write_bench(folder: Path, command: str = "") -> tuple[list[BenchRow], list[str]]:

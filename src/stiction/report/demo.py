@@ -32,7 +32,7 @@ RESULTS = (
     *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),
     *(f"evaluation/{name}" for name in FILES),
 )
-"""What the demo writes, but for the record that one must have."""
+"""Files that the demo writes, without the measured record that the user provides."""
 
 
 @dataclass(frozen=True)
@@ -40,19 +40,19 @@ class DemoJoint:
     """One identified joint."""
 
     title: str
-    """Which joint, and where its log comes from."""
+    """Name of the joint, and origin of its log."""
     command: str
     """The command that identified it."""
     name: str
     """The joint's name in the log."""
     record: JointRecord
-    """What was found, the verdict and the warnings with it."""
+    """Identified quantities, with verdict and warnings."""
     blocks: tuple[Markup, ...]
     """Table and pictures of the identification."""
 
 
 Policies = Mapping[str, BundleCheck]
-"""What a policy is called on the page, see `policy_names` -> the policy, checked."""
+"""Name of a policy on the page, see `policy_names` -> the policy, checked."""
 
 Clips = tuple[str, float, Path | None]
 """Command and friction level of the clip, and all policies in one scene; None where it could not be rendered."""
@@ -190,7 +190,7 @@ SCENE = (
     "{friction} of the torque limit as friction in every joint, command {command} m/s, one start line; a line on the "
     "ground is a metre. In real time."
 )
-"""What the film shows."""
+"""Caption of the film."""
 
 
 def _check_blocks(policies: Policies) -> tuple[Markup, ...]:

@@ -72,7 +72,7 @@ Scene = tuple[str, str]
 """Engine and ground of a row."""
 
 DEFAULT: Scene = ("mujoco", "flat")
-"""Where policies walk unless something else is asked for."""
+"""Default engine and ground of an evaluation."""
 
 
 def _scene(row: ResultRow | Sample) -> Scene:
@@ -211,7 +211,7 @@ DEFINITIONS = (
     ("flight", "share of moving steps with no foot on the ground; a dash where the robot does not move"),
     (MOVING, "share of all steps in which the robot moves; none after a fall"),
 )
-"""What the columns mean, in the order of the table."""
+"""Meaning of the columns, in the order of the table."""
 
 
 CONDITIONS = (
@@ -219,13 +219,13 @@ CONDITIONS = (
     "are the nominal ones of the policy's training, masses those of the robot's specification. All of these are held "
     "fixed here, while training randomises them; so are:"
 )
-"""What was not varied, on the robot of the data sheet."""
+"""Quantities not varied, on the robot of the data sheet."""
 
 VIRTUAL = (
     "A name behind a + is a virtual robot in that engine: what of it is real differs from the data sheet by numbers "
     "that nobody who trained or drives a policy has read. Robots with the seeds {}; each walks every episode."
 )
-"""What a virtual robot is."""
+"""Definition of a virtual robot."""
 
 FED_FORWARD = (
     "Policies called +forward are those of that name with dry friction fed forward in the joint controllers: f sat((a "
@@ -235,10 +235,10 @@ FED_FORWARD = (
     "law's own level on the robot of the data sheet, and on a virtual robot what was identified from the log of that "
     "robot's own bench."
 )
-"""What a policy with friction fed forward is."""
+"""Definition of a policy with friction fed forward."""
 
 INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots where those are virtual."
-"""What stands behind a rate."""
+"""Meaning of the brackets after a rate."""
 
 MEASURES = ("speed_ratio", "tracking_error", "fall_rate", "joint_jitter")
 """Columns of results.csv that the table of training methods shows."""
@@ -248,7 +248,7 @@ SAMPLES = (
     "none. In brackets behind falls: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs "
     "of policy and robot. More columns, and every seed's numbers, are in methods.csv."
 )
-"""What stands behind a training method."""
+"""Meaning of the numbers after a training method."""
 
 OVER_SEEDS = (
     "A training method with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
@@ -268,7 +268,7 @@ FIXED = {
 
 
 FILES = ("results.csv", "methods.csv", "summary.json", "friction_budget.svg", "friction_budget.png", "report.html")
-"""What `write_evaluation` writes."""
+"""Files that `write_evaluation` writes."""
 
 
 def write_evaluation(
@@ -319,16 +319,16 @@ def sections(
     feet = {policy.get("feet", 6) for policy in summary["policies"].values()}
     gait = " or ".join(GAITS[count] for count in sorted(feet) if count in GAITS)
     maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
-    found = [
+    leading = [
         Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)),
         Section("Friction budget", (budget_picture(figure, samples),)),
     ]
     if any(sample.low is not None for sample in samples):
         counts = count_commands(rows, lambda row: summary["ways"][row.policy])
-        found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
-        found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
+        leading.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
+        leading.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [
-        *found,
+        *leading,
         Section("Every row", (results_table(rows, summary["rows"], gait), definitions_table(rows, gait))),
         Section("What was run", run_blocks(summary)),
     ]
@@ -364,8 +364,8 @@ def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], method
 
 def _paces(seeds: Sequence[str]) -> str:
     """Return how many seeds have which pace under one command: `4 follow, 1 too fast`. seeds: the pace of each."""
-    found = [one.replace("follows", "follow") for one in seeds if one != "–"]
-    return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
+    paces = [one.replace("follows", "follow") for one in seeds if one != "–"]
+    return ", ".join(f"{paces.count(one)} {one}" for one in dict.fromkeys(paces)) or "–"
 
 
 def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:

@@ -168,7 +168,7 @@ TRIALS = (
 
 
 def run_blocks(design: ExcitationDesign) -> tuple[Markup, ...]:
-    """Say how to run the log safely."""
+    """Return instructions to run the motion safely."""
     gains, limits, reached = design.gains, design.limits, design.reached
     steps = (
         f"Clear the range from {limits['low']:.3g} to {limits['high']:.3g} rad, and keep a hand on the stop. Fasten "

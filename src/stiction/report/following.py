@@ -92,14 +92,14 @@ def followed_text(rows: Sequence[ResultRow]) -> str:
         return "is not judged: rows of older files lack the mean velocity"
     count = max(map(len, levels.values()))
     all_of_them = f"all {count} commands" if count > 1 else "its command"
-    said = [f"follows {all_of_them} {places_text(everywhere)} of friction"] if any(everywhere.values()) else []
+    clauses = [f"follows {all_of_them} {places_text(everywhere)} of friction"] if any(everywhere.values()) else []
     for level, own in levels.items():
         if (worst := worst_command([one.row for one in own])) is not None:
             followed = sum(one.follows for one in own)
-            said.append(
-                f"{'' if said else 'follows '}{followed} of {len(own)} at {named[level]}, the worst is {worst.text}"
+            clauses.append(
+                f"{'' if clauses else 'follows '}{followed} of {len(own)} at {named[level]}, the worst is {worst.text}"
             )
-    return "; ".join(said)
+    return "; ".join(clauses)
 
 
 def command_map(rows: Sequence[ResultRow], title: str) -> Sheet:
@@ -134,7 +134,7 @@ def counts_sheet(cells: Sequence[CommandCount]) -> Sheet:
 
 
 def places_text(tried: Mapping[str, bool]) -> str:
-    """Say at which places something was seen: `from 0 to 20 % and at 30 %`; at none: `nowhere`.
+    """Return the places of an observation: `from 0 to 20 % and at 30 %`; at none: `nowhere`.
 
     tried: place in words -> whether it was seen there; three or more that were tried one after the other are a span.
     """

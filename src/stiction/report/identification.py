@@ -163,13 +163,13 @@ def write_identification_page(folder: Path, command: str = "") -> Path:
     command: that identified, if it was one.
     """
     joints = load_joints(folder / "joints.json")
-    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    identified = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(joints.joints) == 1:
-        sections = [section for name in found for section in _sections(folder, name)]
+        sections = [section for name in identified for section in _sections(folder, name)]
     else:
-        tasks = [(folder, name) for name in found]
+        tasks = [(folder, name) for name in identified]
         drawn = dict(spread(_sections, tasks, num_threads() if len(tasks) >= MANY else 1))
-        sections = _many(joints, {name: drawn[number] for number, name in enumerate(found)})
+        sections = _many(joints, {name: drawn[number] for number, name in enumerate(identified)})
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
@@ -200,20 +200,20 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
 
     drawn: the sections of each joint that was identified.
     """
-    found = {name: joints.joints[name] for name in drawn}
+    records = {name: joints.joints[name] for name in drawn}
     rows = [[name, *joint_row(record)] for name, record in joints.joints.items()]
-    over = all(record.coulomb_friction is None for record in found.values())
+    over = all(record.coulomb_friction is None for record in records.values())
     caption = "In units of the motor strength k" if over else ""
     blocks = []
     shared = gather_warnings(joints)
-    for name, record in found.items():
+    for name, record in records.items():
         parts = [block for section in drawn[name] for block in section.blocks]
         verdict = map(paragraph, record.diagnostics.get("verdict", {}).get("lines", ()))
         own = [text for text in record.warnings if len(shared[text]) == 1]
         title = f"{name}: not valid" if record.objections else name
         blocks.append(fold(title, [*verdict, *([bullets(own)] if own else []), *parts]))
     return [
-        Section("All joints", (table(["joint", *joint_columns(found)], rows, caption), overview(found))),
+        Section("All joints", (table(["joint", *joint_columns(records)], rows, caption), overview(records))),
         Section("Joint by joint", tuple(blocks)),
     ]
 
@@ -247,15 +247,15 @@ def _combinations(record: JointRecord) -> tuple[Markup, ...]:
 
 
 def _setting(record: JointRecord) -> Markup:
-    """Say how the log was made."""
+    """Return the conditions under which the log was made."""
     position, torque = axis_units(record)
     gain = "N" if record.axis == "linear" else "N m"
-    given = {
+    settings = {
         "kp": (record.kp, f"{gain}/{position}"),
         "kd": (record.kd, f"{gain} s/{position}"),
         "torque limit": (record.torque_limit, gain if torque == "N m of command" else torque),
     }
-    known = ", ".join(f"{name} {number(value)} {own}" for name, (value, own) in given.items() if value is not None)
+    known = ", ".join(f"{name} {number(value)} {own}" for name, (value, own) in settings.items() if value is not None)
     return paragraph(
         f"Test condition: {CONDITIONS[record.test_condition]}. Torque: {SOURCES[record.torque_source]}. "
         f"Given: {known or 'no gains and no torque limit'}. Intervals come from resampling blocks of the log that are "

@@ -1,4 +1,4 @@
-"""What an identification says, in words and cells, for terminal and page alike."""
+"""Words and table cells of an identification, for terminal and page alike."""
 
 from __future__ import annotations
 
@@ -93,20 +93,20 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     Of one joint its three lines; of several how many there are, what to do first about those that are not valid, a line
     for all with the same reason, and the lines of the one with the most friction for its motor.
     """
-    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    identified = {name: record for name, record in joints.joints.items() if record.diagnostics}
     lines = {
-        name: tuple(in_folder(line, folder) for line in said)
-        for name, record in found.items()
-        if (said := record.diagnostics.get("verdict", {}).get("lines")) is not None
+        name: tuple(in_folder(line, folder) for line in verdict)
+        for name, record in identified.items()
+        if (verdict := record.diagnostics.get("verdict", {}).get("lines")) is not None
     }
     if len(joints.joints) == 1:
         return next(iter(lines.values()), ())
-    bad = [name for name, record in found.items() if record.objections]
-    first = [_do_first(found, names) for names in alike(found, bad)]
-    valid = {name: record for name, record in found.items() if name not in bad}
+    bad = [name for name, record in identified.items() if record.objections]
+    first = [_do_first(identified, names) for names in alike(identified, bad)]
+    valid = {name: record for name, record in identified.items() if name not in bad}
     ratios = {name: record.friction_ratio for name, record in valid.items() if record.friction_ratio is not None}
-    count = f"{len(found)} of {len(joints.joints)} joints were identified"
-    none = "any" if len(bad) == len(found) else ", ".join(bad)
+    count = f"{len(identified)} of {len(joints.joints)} joints were identified"
+    none = "any" if len(bad) == len(identified) else ", ".join(bad)
     count += f", {len(bad)} of them not validly: no friction is stated for {none}." if bad else "."
     if not valid:
         return (count, *first)
@@ -125,34 +125,34 @@ def in_folder(line: str, folder: Path | None) -> str:
     return line
 
 
-def alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
+def alike(records: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
     """Return the joints that are not valid, those together that have the same first reason and the same to do."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name in bad:
-        first = found[name].objections[0]
+        first = records[name].objections[0]
         groups.setdefault((first.reason, first.remedy), []).append(name)
     return list(groups.values())
 
 
-def _do_first(found: Mapping[str, JointRecord], names: Sequence[str]) -> str:
+def _do_first(records: Mapping[str, JointRecord], names: Sequence[str]) -> str:
     """Return what to do first about joints that are alike, and what was seen: of the first one, where each differs."""
-    first = [found[name].objections[0] for name in names]
-    who = "all joints" if 1 < len(names) == len(found) else ", ".join(names)
+    first = [records[name].objections[0] for name in names]
+    who = "all joints" if 1 < len(names) == len(records) else ", ".join(names)
     whose = f"{names[0]}, and the others alike: " if len({one.seen for one in first}) > 1 else ""
     return f"{who}: do first: {first[0].remedy}. {whose}{first[0].seen}."
 
 
 def remaining_warnings(joints: JointsFile) -> list[str]:
     """Return `shared_warnings` without what the verdict says already: page and terminal have them below it."""
-    said = " ".join(lead_lines(joints))
-    return [text for text in shared_warnings(joints) if text not in said]
+    lead = " ".join(lead_lines(joints))
+    return [text for text in shared_warnings(joints) if text not in lead]
 
 
-def joint_columns(found: Mapping[str, JointRecord]) -> list[str]:
+def joint_columns(records: Mapping[str, JointRecord]) -> list[str]:
     """Return the headings of `joint_row`, with the units of the joints, or of each kind of axis among them."""
 
     def units(quantity: str) -> str:
-        return " or ".join(dict.fromkeys(unit(record, quantity) for record in found.values())) or "1"
+        return " or ".join(dict.fromkeys(unit(record, quantity) for record in records.values())) or "1"
 
     friction = units("coulomb_friction")
     return [
@@ -179,24 +179,24 @@ def joint_row(record: JointRecord) -> list[str]:
 
 def shared_warnings(joints: JointsFile) -> list[str]:
     """Return the warnings of a single joint; else those that several share, and why joints were refused."""
-    said = gather_warnings(joints)
+    warnings = gather_warnings(joints)
     if len(joints.joints) == 1:
-        return list(said)
+        return list(warnings)
     refused = {name for name, record in joints.joints.items() if not record.diagnostics}
     return [
         f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}"
-        for text, names in said.items()
+        for text, names in warnings.items()
         if len(names) > 1 or set(names) & refused
     ]
 
 
 def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
     """Return every warning once, with the joints that it concerns."""
-    said: dict[str, list[str]] = {}
+    warnings: dict[str, list[str]] = {}
     for name, record in joints.joints.items():
         for text in record.warnings:
-            said.setdefault(text, []).append(name)
-    return said
+            warnings.setdefault(text, []).append(name)
+    return warnings
 
 
 def grouped_warnings(joints: JointsFile) -> list[str]:
@@ -235,6 +235,6 @@ def value_rows(joints: JointsFile) -> list[list[str]]:
 
 
 def contact_line(joints: JointsFile) -> str:
-    """Say where it is known from which feet bore load."""
-    said = {record.diagnostics["contact"] for record in joints.joints.values() if "contact" in record.diagnostics}
-    return f"feet on the ground, from {'; '.join(sorted(said))}" if said else ""
+    """Return the sources of the foot contacts, empty without any."""
+    sources = {record.diagnostics["contact"] for record in joints.joints.values() if "contact" in record.diagnostics}
+    return f"feet on the ground, from {'; '.join(sorted(sources))}" if sources else ""

@@ -48,7 +48,7 @@ COLORS = ("#2667a6", "#ff660d", "#0fa766", "#b47090", "#766324", "#813ee2")
 """Line colours that read on both backgrounds, and are apart to colour-blind eyes too: a test simulates them."""
 
 STYLES = ("-", (0, (5, 1.5)), "-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (2.5, 1)))
-"""Line styles, beside the colours: who sees none of those, or prints in grey, still tells the lines apart."""
+"""Line styles, distinguishable without colour."""
 
 MARKS = ("o", "s", "^", "D", "v", "P")
 """Points of single policies, likewise."""
@@ -61,16 +61,18 @@ class Section:
     title: str
     """Heading."""
     blocks: tuple[Markup, ...]
-    """What stands under it, in order."""
+    """Content of the section, in order."""
 
 
 @cache
 def _environment() -> Environment:
     """Return the template engine, with escaping on for every template and undefined names an error."""
     folder = Path(__file__).parent / "templates"
-    found = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    found.filters["marked"] = marked
-    return found
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    environment.filters["marked"] = marked
+    return environment
 
 
 def marked(text: str) -> Markup:
@@ -107,7 +109,7 @@ def row_table(rows: Sequence[Any], caption: str = "", grouped: bool = False) -> 
 
 
 BLANKS = ("", "-", "–", "none", "not known")
-"""What stands in a column of numbers where there is no number."""
+"""Cells without a number in a column of numbers."""
 
 
 def _is_word(cell: str) -> bool:
@@ -148,12 +150,12 @@ def _settings_rows(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[
     """Return the rows of settings; what is nested has the names above it in front."""
     rows = []
     for name, value in settings.items():
-        said = f"{prefix}{name.replace('_', ' ')}"
+        label = f"{prefix}{name.replace('_', ' ')}"
         if isinstance(value, Mapping):
-            rows += _settings_rows(value, f"{said}, ")
+            rows += _settings_rows(value, f"{label}, ")
         else:
             several = isinstance(value, list | tuple)
-            rows.append((said, (", ".join(map(str, value)) if several else str(value)) or "–"))
+            rows.append((label, (", ".join(map(str, value)) if several else str(value)) or "–"))
     return rows
 
 
@@ -220,7 +222,7 @@ def labelled(axis: Axes) -> dict[str, Any]:
 
 
 UNNAMED = re.compile(r"(_child\d+|_container\d+|_nolegend_)?")
-"""What matplotlib calls what has no label."""
+"""Names that matplotlib gives to artists without a label."""
 
 
 def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings: Any) -> None:
@@ -228,12 +230,12 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
 
     drawn: label -> what was drawn, by default all that is `labelled` on the axis.
     """
-    found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
-    if not found:
+    handles = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
+    if not handles:
         return
     # As long as two periods of the longest of `STYLES` in a thick line: shorter samples look alike.
     look: dict[str, Any] = {"fontsize": TEXT, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
-    axis.legend(list(found.values()), list(found), **look)
+    axis.legend(list(handles.values()), list(handles), **look)
 
 
 def name_plainly(figure: Figure) -> Figure:
@@ -327,7 +329,7 @@ UNUSED = {
     "'DejaVu Sans'[^;\"]*": "inherit",
     f"(?<=: ){INK}": "var(--soft)",
 }
-"""What matplotlib writes into an SVG file and a page has no use for -> what stands there instead."""
+"""Pattern in an SVG file of matplotlib -> its replacement on a page."""
 
 
 def figure_block(figure: Figure, caption: str) -> Markup:
@@ -397,10 +399,10 @@ def anchors(titles: Sequence[str]) -> list[str]:
 
 
 class Spread(NamedTuple):
-    """What the training seeds reached at one place of the horizontal axis."""
+    """Spread of the training seeds at one place of the horizontal axis."""
 
     place: float
-    """Where that is, in the axis' unit."""
+    """Position on the horizontal axis, in its unit."""
     mean: float
     """Mean over the seeds."""
     low: float | None
@@ -445,17 +447,17 @@ def label_ends(axis: Axes) -> None:
 
 def spaced(places: Sequence[float], least: float) -> list[float]:
     """Return ascending places moved apart to at least a distance, within 0 to 1 where they fit there."""
-    found: list[float] = []
+    positions: list[float] = []
     for place in places:
-        found.append(max(place, found[-1] + least) if found else max(place, 0.0))
-    over = max(0.0, found[-1] - 1.0) if found else 0.0
+        positions.append(max(place, positions[-1] + least) if positions else max(place, 0.0))
+    over = max(0.0, positions[-1] - 1.0) if positions else 0.0
     if over:
         # Pushed beyond the top: back down from there, each as far as it must.
         ceiling = 1.0
-        for index in range(len(found) - 1, -1, -1):
-            found[index] = min(found[index], ceiling)
-            ceiling = found[index] - least
-    return found
+        for index in range(len(positions) - 1, -1, -1):
+            positions[index] = min(positions[index], ceiling)
+            ceiling = positions[index] - least
+    return positions
 
 
 def draw_seeds(axis: Axes, points: Sequence[Spread], method: str, methods: Sequence[str]) -> None:
@@ -476,13 +478,13 @@ class Sheet:
     """A table of text with a title."""
 
     title: str
-    """What it shows."""
+    """Heading of the table."""
     header: tuple[str, ...]
     """Names of the columns."""
     rows: tuple[tuple[str, ...], ...]
     """The cells."""
     note: str = ""
-    """What a reader must know."""
+    """Remark for the reader."""
 
     def html(self) -> Markup:
         """Return it as a block of a page."""

@@ -1,4 +1,4 @@
-"""What verbs share on the terminal: a console for names from files, progress of named pieces of work, how to stop."""
+"""Terminal output shared by the verbs: console for names from files, progress of named work, clean stop."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class StopRequest:
         self.signal = 0
 
     def __call__(self) -> bool:
-        """Say whether somebody asked to stop."""
+        """Return whether a stop was requested."""
         return self.signal != 0
 
     @property

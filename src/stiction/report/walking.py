@@ -85,15 +85,15 @@ def _panels(count: int, label: str) -> tuple[Figure, list[Axes]]:
 
 
 def _condition(joints: JointsFile) -> Markup:
-    """Say what the numbers rest on."""
+    """Return the assumptions behind the numbers."""
     merged = [name for name, record in joints.joints.items() if name not in record.diagnostics.get("joints", [name])]
     note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
     contact = contact_line(joints)
-    said = f" {contact[0].upper()}{contact[1:]}." if contact else ""
+    sentence = f" {contact[0].upper()}{contact[1:]}." if contact else ""
     return paragraph(
         "Dry and viscous friction are those of legs in swing, without load. An interval covers the spread between "
         "swings, links up to a few per cent heavier or lighter than stated, and constant errors of the accelerometer "
-        "and the current sensor." + said + note
+        "and the current sensor." + sentence + note
     )
 
 
