@@ -28,8 +28,8 @@ LEVEL, COMMAND = 0.24, "vx=0.5"
 """Friction as a share of the torque limit, the most that the second policy met in training; command."""
 
 CAPTION = (
-    "Two simulated hexapods, friction of {level:.0f} % of the torque limit in every joint, told to walk at {command:g} m/s: "
-    "trained without friction {without:.2f} m/s, trained with stiction {trained:.2f} m/s."
+    "Two simulated hexapods, friction of {level:.0f} % of the torque limit in every joint, told to walk at "
+    "{command:g} m/s: trained without friction {without:.2f} m/s, trained with stiction {trained:.2f} m/s."
 )
 
 
