@@ -191,7 +191,8 @@ MOST_REREAD = {
     "experiments": {"docstrings": 0, "variables": 2},
     "tests": {"docstrings": 0, "variables": 0},
 }
-"""Folder -> most docstrings without a noun in front and variables without a meaning; a bound only ever falls. The two are columns of flags.csv."""
+"""Folder -> most docstrings without a noun in front and variables without a meaning; a bound only ever falls. The
+two are columns of flags.csv."""
 
 
 def test_the_rules_of_words_find_what_they_forbid() -> None:
