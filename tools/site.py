@@ -118,3 +118,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         parts += [LINK.sub(kept, drawn[last : block.start()]), block[0]]
         last = block.end()
     return "".join([*parts, LINK.sub(kept, drawn[last:])])
+
+
+def on_post_page(output: str, page: Any, config: Any) -> str:
+    """Keep the theme from asking the repository's host for stars and releases: a page loads nothing from the net."""
+    return output.replace(' data-md-component="source"', "")

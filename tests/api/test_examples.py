@@ -43,7 +43,7 @@ def test_a_plain_script_identifies_several_joints(tmp_path: Path) -> None:
     """Without `if __name__ == "__main__"`: workers that run the script again would end in BrokenProcessPool."""
     notebook = json.loads((EXAMPLES / "identify.ipynb").read_text(encoding="utf-8"))
     script = tmp_path / "plain.py"
-    script.write_text("\n".join([*code_of(notebook), "print(repr(found))"]))
+    script.write_text("\n".join([*code_of(notebook), "print(repr(result))"]))
     environment = os.environ | {"STICTION_THREADS": "2"}
     path = [str(Path(entry).absolute()) for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
     environment["PYTHONPATH"] = os.pathsep.join(path)

@@ -290,10 +290,12 @@ def write_evaluation(
         write_rows(out / "methods.csv", samples)
     for kind in ("svg", "png"):
         save_figure(figure, out / f"friction_budget.{kind}")
-    page, shown = out / "report.html", sections(figure, rows, summary, samples)
+    page, shown = out / "report.html", sections(rows, summary, samples)
     first = [*lead(rows).split("\n"), *onset_lines(summary.get("onset", {}))]
     at_a_glance = card(replace(evaluation_glance(rows, summary), notes=()))
-    write_text(page, render_page(TITLE, shown, first, summary["warnings"], summary["command"], card=at_a_glance))
+    picture = budget_picture(figure, samples)
+    text = render_page(TITLE, shown, first, summary["warnings"], summary["command"], figure=picture, card=at_a_glance)
+    write_text(page, text)
     return page
 
 
@@ -312,17 +314,12 @@ def _walkers(rows: Sequence[ResultRow]) -> list[tuple[str, list[ResultRow]]]:
     return [(f"{who}, {_scene_text(scene)}," if several else who, own) for (who, scene), own in groups.items()]
 
 
-def sections(
-    figure: Figure, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
-) -> list[Section]:
-    """Return the sections of the page: figure, training methods, table, definitions, what was run."""
+def sections(rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()) -> list[Section]:
+    """Return the sections of the page: commands, training methods, table, definitions, what was run."""
     feet = {policy.get("feet", 6) for policy in summary["policies"].values()}
     gait = " or ".join(GAITS[count] for count in sorted(feet) if count in GAITS)
     maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
-    leading = [
-        Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)),
-        Section("Friction budget", (budget_picture(figure, samples),)),
-    ]
+    leading = [Section("Commands by friction", (paragraph(COMMAND_MAP), *maps))]
     if any(sample.low is not None for sample in samples):
         counts = count_commands(rows, lambda row: summary["ways"][row.policy])
         leading.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
