@@ -176,13 +176,13 @@ def test_the_gate_sees_each_fault(body: str, fault: str, browser: Browser, tmp_p
 
 @pytest.mark.slow
 def test_the_front_page_of_the_site_can_be_read_and_begins_with_the_film(browser: Browser, tmp_path: Path) -> None:
-    """Builds the site around README.md: the film in the first screen, and its text read as that of the other pages."""
+    """Builds the site around its front page: the film in the first screen, and its text read as that of the other pages."""
     config = pytest.importorskip("mkdocs.config", reason="the extra 'docs' is needed to build the site")
     from mkdocs.commands.build import build
 
     build(
         config.load_config(
-            str(CHECKOUT / "mkdocs.yml"), site_dir=str(tmp_path), nav=[{"Start": ["README.md"]}], plugins=["search"]
+            str(CHECKOUT / "mkdocs.yml"), site_dir=str(tmp_path), nav=[{"Start": ["docs/index.md"]}], plugins=["search"]
         )
     )
     handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
