@@ -144,5 +144,5 @@ def test_a_policy_is_told_what_its_contract_says_unless_the_caller_knows_better(
         step = load_policy(contract, model, (2,), known_friction=known).step(still, command)
         np.testing.assert_allclose(step.action[:, 0], expected[name], atol=1e-6)
     untold = load_policy(make_contract(observation=layout), model, (2,))
-    with pytest.raises(StictionError, match="told the friction of its joints"):
+    with pytest.raises(StictionError, match="observes the friction of its joints"):
         untold.step(still, command)

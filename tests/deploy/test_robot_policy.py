@@ -175,7 +175,7 @@ def test_shapes_are_one_robots(contract: Contract) -> None:
 def test_a_policy_that_nobody_tells_its_friction_does_not_start() -> None:
     """Rejects a policy without the friction that it observes, before the first step."""
     contract = make_contract(observation=proprioception(18, known_kinds=3))
-    with pytest.raises(PolicyError, match="told the friction"):
+    with pytest.raises(PolicyError, match="observes the friction"):
         robot_policy(contract)
 
 
