@@ -23,7 +23,7 @@ FLAGS = (
 )
 """WebGL on the processor, and nothing that asks the network."""
 
-PATIENCE = 150.0
+PATIENCE = 300.0
 """Longest that a browser may take for one answer, on a machine that does other work [s]."""
 
 
