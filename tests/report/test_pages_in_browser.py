@@ -176,7 +176,7 @@ def test_the_gate_sees_each_fault(body: str, fault: str, browser: Browser, tmp_p
 
 @pytest.mark.slow
 def test_the_front_page_of_the_site_can_be_read_and_begins_with_the_film(browser: Browser, tmp_path: Path) -> None:
-    """Builds the site around its front page: the film in the first screen, and its text read as that of the other pages."""
+    """Builds the site around its front page: the film in the first screen, and text read as on the other pages."""
     config = pytest.importorskip("mkdocs.config", reason="the extra 'docs' is needed to build the site")
     from mkdocs.commands.build import build
 

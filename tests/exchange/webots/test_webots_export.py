@@ -112,6 +112,6 @@ def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, caps
     (run / "config.json").write_text("{}")
     arguments = ["export", str(run), "--to", "webots", "--out", str(tmp_path / "project"), "--json"]
     assert main(arguments) == 1
-    assert f"make one first: stiction export {run}" in capsys.readouterr().err
+    assert f"do: stiction export {run}" in capsys.readouterr().err
     bundle.rename(run / "bundle")
     assert main(arguments) == 0
