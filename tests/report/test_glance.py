@@ -109,7 +109,8 @@ def test_of_several_joints_the_worst_comes_first_with_one_answer_and_one_command
     lines = shown(glance_of(joints, Path("o")), Table("joint"))
     assert lines[:2] == ["Friction 6.6 ± 1.4 N m at knee, 16 % of 40 N m", "Matters: YES"]
     assert lines[2].startswith("error: toe: the torque is 2 times kp") and lines[2].endswith(" …")
-    assert lines.count("Next:") == 1 and lines[5] == "  stiction train --friction-from o/training.json --preset quick"
+    assert lines[4].startswith("note: each joint was identified as if the others stood still")
+    assert lines.count("Next:") == 1 and lines[6] == "  stiction train --friction-from o/training.json --preset quick"
     assert [(row[0], row[-1]) for row in glance_rows(joints)] == [
         ("toe", "not valid"),
         ("knee", "yes"),

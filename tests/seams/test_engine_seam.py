@@ -69,7 +69,7 @@ def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp
     ("name", "message"),
     [
         ("engine_of_mine:CLASS", "is not an EngineSpec"),
-        ("engine_of_mine:NOTHING", "no 'NOTHING' in engine_of_mine"),
+        ("engine_of_mine:NOTHING", "the module engine_of_mine has no 'NOTHING'"),
         ("engine_of_nobody:ENGINE", "cannot be imported"),
         (":ENGINE", "cannot be imported"),
         ("mujoko", "did you mean 'mujoco'[?] known: mujoco, physx, ode, ode-webots; give a custom one"),

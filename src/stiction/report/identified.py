@@ -25,8 +25,8 @@ MOST_ROWS = 12
 """Joints in the table of the terminal; the page has them all."""
 
 COUPLED = (
-    "several joints were identified, each as if the others stood still: if they moved at once and are of one leg or "
-    "arm, --robot FILE takes off what each does to the others"
+    "each joint was identified as if the others stood still; if they moved at once, --robot FILE takes off what "
+    "each does to the others"
 )
 """Reservation about a log with several joints and no robot."""
 
@@ -59,7 +59,7 @@ def glance_of(joints: JointsFile, folder: Path, command: str = "", page: bool = 
         ANSWERS.get(answer, "unknown"),
         _step(str(verdicts[worst]["step"]), folder, command),
         _errors(joints, ranked, verdicts),
-        (f"rests on {', '.join(assumed)}, which the log does not show",) if assumed else (),
+        (*((f"rests on {', '.join(assumed)}, which the log does not show",) if assumed else ()), *_coupled(joints)),
         f"why, and what is not known{many}: {folder / ('report.html' if page else 'joints.json')}",
     )
 
@@ -183,6 +183,11 @@ def reservations(joints: JointsFile) -> list[str]:
         f"admitted to be off by {each:.0%}, one standard deviation (--model-error)"
         for each in errors
     ]
+    return [*remaining_warnings(joints), *limb, *_coupled(joints)]
+
+
+def _coupled(joints: JointsFile) -> tuple[str, ...]:
+    """Return the reservation of several joints of one log that no model of the robot tells apart, or none."""
+    identified = [record for record in joints.joints.values() if record.diagnostics]
     alone = len(identified) > 1 and not any("model_error" in record.diagnostics for record in identified)
-    coupled = [COUPLED] if alone and any(record.test_condition != "bare_motor" for record in identified) else []
-    return [*remaining_warnings(joints), *limb, *coupled]
+    return (COUPLED,) if alone and any(record.test_condition != "bare_motor" for record in identified) else ()
