@@ -56,6 +56,11 @@ def colours(tab: Tab) -> int:
     return len(np.unique(middle.reshape(-1, 3) // 8, axis=0))
 
 
+def serious(tab: Tab) -> list[str]:
+    """Return what the console complains of, but for late data of plots that were made anew, which viser drops."""
+    return [text for text in tab.complaints if not text.startswith("Tried to update non-existent component")]
+
+
 @pytest.mark.slow
 def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
     """A key changes the friction in both browsers, and nonsense from strangers changes nothing."""
@@ -82,7 +87,7 @@ def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_pat
             # A page behind another one is not painted.
             first.call("Page.bringToFront")
             wait(lambda: "40" in first.run(values).split(), "the first browser sees the slider of the second")
-            assert first.complaints == [] and second.complaints == []
+            assert serious(first) == [] and serious(second) == []
         finally:
             process.send_signal(signal.SIGINT)
             _, printed = process.communicate(timeout=30)
@@ -127,7 +132,7 @@ def test_a_page_of_390_pixels_shows_the_robot_above_the_controls_and_a_gamepad_s
         tab.run(f"document.getElementById(({BOX}).htmlFor).click()")
         tab.run("window.axes = [0, -1, 0, 0]")
         wait(lambda: "commanded 0.90" in tab.run("document.body.innerText"), "the stick moves the command")
-        assert tab.complaints == []
+        assert serious(tab) == []
 
 
 @pytest.mark.slow
