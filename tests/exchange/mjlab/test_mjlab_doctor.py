@@ -219,7 +219,7 @@ def test_friction_with_mujoco_s_own_rows_creeps() -> None:
 def test_the_verb_tells_both_and_its_status(
     stiff: bool, status: int, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """JSON and nothing else on standard output; what fails is on standard error; names are whole in 80 columns."""
+    """JSON and nothing else on standard output; rows that fail are shown, whole in 80 columns, the rest is a line."""
     monkeypatch.setenv("COLUMNS", "80")
     write_training(tmp_path / "training.json", TRAINING)
     cfg, name = leg_cfg(), f"Leg-{stiff}"
@@ -236,9 +236,7 @@ def test_the_verb_tells_both_and_its_status(
     assert main(["doctor", "--mjlab", name]) == status
     shown = capsys.readouterr().out
     assert max(map(len, shown.splitlines())) <= 80
-    words = shown.split()
-    assert {"dof_frictionloss", "hip_joint", "shank_joint", [*cfg.events][-1]} <= {*words}
-    assert ("torque limit" in shown) == stiff
+    assert ({"hip_joint", "shank_joint"} <= {*shown.split()}) == bool(status)
 
 
 def test_an_unknown_task_is_one_line(capsys: pytest.CaptureFixture) -> None:
