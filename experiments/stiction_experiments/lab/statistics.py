@@ -7,7 +7,7 @@ from math import sqrt
 
 import numpy as np
 
-from stiction.core.statistics import Interval, interval_of
+from stiction.core.statistics import CONFIDENCE, Interval, interval_of
 
 
 def conformal_bound(values: np.ndarray, share: float) -> np.ndarray:
@@ -19,9 +19,14 @@ def conformal_bound(values: np.ndarray, share: float) -> np.ndarray:
     return np.asarray(np.sort(values, axis=0)[rank - 1])
 
 
-def difference_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
-    """Return Welch's 95 % interval of mean(first) - mean(second); None where either has fewer than two points."""
-    return _welch(float(np.mean(first) - np.mean(second)), (first, 1.0), (second, 1.0)) if first and second else None
+def difference_interval(first: Sequence[float], second: Sequence[float], share: float = CONFIDENCE) -> Interval | None:
+    """Return Welch's interval of mean(first) - mean(second); None where either has fewer than two points.
+
+    share: probability with which it holds the difference.
+    """
+    if not first or not second:
+        return None
+    return _welch(float(np.mean(first) - np.mean(second)), (first, 1.0), (second, 1.0), share=share)
 
 
 def ratio_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
@@ -35,7 +40,7 @@ def ratio_interval(first: Sequence[float], second: Sequence[float]) -> Interval 
     return _welch(ratio, (first, 1.0 / below), (second, ratio / below))
 
 
-def _welch(estimate: float, *samples: tuple[Sequence[float], float]) -> Interval | None:
+def _welch(estimate: float, *samples: tuple[Sequence[float], float], share: float = CONFIDENCE) -> Interval | None:
     """Return the t-interval of a sum of sample means, each times a weight; None with a sample of fewer than two points.
 
     Degrees of freedom by Welch and Satterthwaite. Samples without any spread have an interval of no width.
@@ -45,4 +50,4 @@ def _welch(estimate: float, *samples: tuple[Sequence[float], float]) -> Interval
     parts = [weight**2 * float(np.var(points, ddof=1)) / len(points) for points, weight in samples]
     total = sum(parts)
     freedom = sum(part**2 / (len(points) - 1) for part, (points, _) in zip(parts, samples, strict=True))
-    return interval_of(estimate, sqrt(total), total**2 / freedom if freedom else 1.0)
+    return interval_of(estimate, sqrt(total), total**2 / freedom if freedom else 1.0, share)

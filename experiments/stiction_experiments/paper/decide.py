@@ -14,6 +14,9 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
+from stiction.core.statistics import Interval, t_interval
+from stiction_experiments.lab.statistics import difference_interval
+
 Seeds = Mapping[int, float]
 """Training seed -> value."""
 
@@ -70,18 +73,14 @@ class Test:
             return float(stats.ttest_1samp(spread, 0.0).pvalue)
         return float(stats.ttest_ind([*self.first.values()], [*self.second.values()], equal_var=False).pvalue)
 
-    def interval(self, share: float) -> tuple[float, float]:
-        """Return the interval of the mean difference that holds it with a probability of `share`."""
+    def interval(self, share: float) -> Interval:
+        """Return the interval of the mean difference that holds it with a probability of `share`; `walked` is True."""
         if self.paired:
-            spread = self.differences
-            if np.ptp(spread) == 0.0:
-                return float(spread[0]), float(spread[0])
-            interval = stats.ttest_1samp(spread, 0.0).confidence_interval(share)
+            interval = t_interval(self.differences.tolist(), share)
         else:
-            interval = stats.ttest_ind(
-                [*self.first.values()], [*self.second.values()], equal_var=False
-            ).confidence_interval(share)
-        return float(interval.low), float(interval.high)
+            interval = difference_interval([*self.first.values()], [*self.second.values()], share)
+        assert interval is not None
+        return interval
 
 
 @dataclass(frozen=True)

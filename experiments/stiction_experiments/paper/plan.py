@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stiction_experiments.actuator.config import BACKWARD, EVERYWHERE
+
 THREE, FIVE = (10, 11, 12), (10, 11, 12, 13, 14)
 """Training seeds: of a sentence about one training; of a difference between two."""
 
 BUDGET = 440
 """Iterations of the preset `quick`."""
+
+VIRTUAL = (3000, 3001, 3002, 3003)
+"""Virtual robots of the report."""
 
 LEVEL = 0.2
 """Nominal friction, as a share of each joint's torque limit [1]."""
@@ -52,15 +57,16 @@ def _net(name: str, *commands: str, logged: int = 1) -> Training:
     return Training(name, ("--method", "none", "--actuator", "{net}"), THREE, commands, logged)
 
 
+def own_robot(seed: int) -> int:
+    """Return the virtual robot whose walk the net of a training seed is of: the first three, in turn."""
+    return VIRTUAL[(seed - THREE[0]) % 3]
+
+
 def _stairs(name: str, *words: str, net: tuple[str, ...] = ()) -> Training:
     """Return a training on stairs, with the budget of all of them."""
     budget = ("--terrain", "stairs", "--symmetry", "network", "--teacher.iterations", "900")
     return Training(name, (*words, *budget, "--student.iterations", "170"), THREE, net, preset="two-phase")
 
-
-BACKWARD = ("vx=-0.5",)
-ALL_WAYS = ("vx=0.5", "vx=-0.5", "vy=0.3", "vy=-0.3", "wz=0.5", "wz=-0.5")
-"""Commands of a log for a net."""
 
 WEAK = ("--set", "network.initial_std=0.27")
 """A third of the exploration of the preset."""
@@ -116,7 +122,7 @@ TRAININGS: tuple[Training, ...] = (
     _coulomb("mean-kept-3", "deception", "--task.friction.range", "0", "2", budget=3),
     _coulomb("direct-3", "direct", budget=3),
     _coulomb("deception-3", "deception", budget=3),
-    _net("net-all", *ALL_WAYS),
+    _net("net-all", *EVERYWHERE),
     _net("net-three", *BACKWARD, logged=3),
     _coulomb("plain", "none", *PLAIN),
     _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
@@ -144,13 +150,14 @@ class Place:
     robot: int | None = None
     """Virtual robot; None: the robot of the data sheet."""
     main: bool = False
-    """True if only the trainings of `MAIN` walk there."""
+    """True if only the trainings of `MAIN` walk there, and on a robot those on an Actuator Net."""
     forward: bool = False
     """True if `none` also walks with friction fed forward."""
 
     def takes(self, training: Training) -> bool:
         """Return whether a training's policies walk there."""
-        return training.walks_flat and (training.name in MAIN or not self.main)
+        meant = training.name in MAIN or not self.main or (bool(training.net) and self.name.startswith("robot-"))
+        return training.walks_flat and meant
 
 
 MAIN = ("none", "direct", "deception", "net")
@@ -164,11 +171,11 @@ PLACES: tuple[Place, ...] = (
     Place("physx", "physx", LEVELS, 2, main=True),
     Place("webots", "ode-webots", LEVELS, 1, main=True),
     *(
-        Place(f"robot-{number}", "physx+all", ROBOT_LEVELS, 1, number, main=number > 3001, forward=True)
-        for number in range(3000, 3004)
+        Place(f"robot-{number}", "physx+all", ROBOT_LEVELS, 1, number, main=number not in VIRTUAL[:2], forward=True)
+        for number in VIRTUAL
     ),
-    *(Place(f"but-friction-{number}", "physx+rest", ("0",), 1, number, main=True) for number in (3000, 3001)),
-    *(Place(f"friction-{number}", "physx+friction", ROBOT_LEVELS, 1, number, main=True) for number in (3000, 3001)),
+    *(Place(f"but-friction-{number}", "physx+rest", ("0",), 1, number, main=True) for number in VIRTUAL[:2]),
+    *(Place(f"friction-{number}", "physx+friction", ROBOT_LEVELS, 1, number, main=True) for number in VIRTUAL[:2]),
 )
 """Every place; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
 

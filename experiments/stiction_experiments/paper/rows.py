@@ -43,9 +43,7 @@ class WalkRow:
     @cached_property
     def ratios(self) -> tuple[float, ...]:
         """Ratio of the mean velocity to the command, of each commanded axis [1]."""
-        velocity = parse_command(self.command).velocity
-        pairs = zip((self.mean_vx, self.mean_vy, self.mean_wz), velocity, strict=True)
-        return tuple(reached / asked for reached, asked in pairs if asked)
+        return tuple(parse_command(self.command).axis_ratios((self.mean_vx, self.mean_vy, self.mean_wz)))
 
 
 def walk_row(training: str, place: str, friction: str, row: ResultRow) -> WalkRow:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
+from stiction.files.results import FOLLOWS
 from stiction_experiments.paper import rows as of
 from stiction_experiments.paper.decide import Outcome, Seeds, Test
+from stiction_experiments.paper.plan import ROBOT_LEVELS, VIRTUAL, own_robot
 from stiction_experiments.paper.rows import WalkRow, Walks
 
 Family = Literal["S", "R", "T", "J", "G", "N"]
 """Family of Holm's correction: Sim2Sim, robot, training, joints, gait, net."""
 
-FOLLOWED, SHARES = 0.8, ("bench", "0.05", "0.1", "0.2")
-ROBOTS, TWO = tuple(f"robot-{number}" for number in range(3000, 3004)), ("3000", "3001")
+FOLLOWED, SHARES = FOLLOWS[0], ROBOT_LEVELS
+ROBOTS, TWO = tuple(f"robot-{number}" for number in VIRTUAL), VIRTUAL[:2]
 FORWARD, BACKWARD = ("vx=0.2", "vx=0.5", "vx=0.8"), ("vx=-0.2", "vx=-0.5", "vx=-0.8")
 
 Value = Callable[[Sequence[WalkRow]], float]
@@ -76,18 +78,22 @@ class Results:
         return self.walks.over_places(value, training, places, friction, commands)
 
     def of_curve(self, training: str, name: str) -> Seeds:
-        """Return seed -> a number of its learning curve."""
-        each = {row.seed: getattr(row, name) for row in self.learned if row.training == training}
-        return {seed: value for seed, value in each.items() if value is not None}
+        """Return seed -> a number of its learning."""
+        return _by_seed(self.learned, name, training=training)
 
     def crossed(self, training: str, place: str, height: float) -> Seeds:
         """Return seed -> share of walks that cross stairs."""
-        same = [row for row in self.stairs if (row.training, row.place, row.height) == (training, place, height)]
-        return {row.seed: row.crossed for row in same}
+        return _by_seed(self.stairs, "crossed", training=training, place=place, height=height)
 
     def gait(self, training: str, name: str) -> Seeds:
         """Return seed -> a number of its gait."""
-        return {row.seed: getattr(row, name) for row in self.gaits if row.training == training}
+        return _by_seed(self.gaits, name, training=training)
+
+
+def _by_seed(rows: Iterable[Any], name: str, **same: object) -> Seeds:
+    """Return seed -> a field, of the rows whose other fields are the same, where it is known."""
+    own = [row for row in rows if all(getattr(row, field) == value for field, value in same.items())]
+    return {row.seed: getattr(row, name) for row in own if getattr(row, name) is not None}
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,12 @@ def _alone(
     """Return the test that every seed of a training is above a bound, or below it."""
     values = r.at(value, training, place, friction, *commands)
     return Test(label or percent(friction), values, kind="below" if below else "above", bound=bound, about=training)
+
+
+def _on_own_robots(r: Results, value: Value, training: str, friction: str, *commands: str) -> Seeds:
+    """Return seed -> value on the robot whose walk that seed's net is of."""
+    each = {number: r.at(value, training, f"robot-{number}", friction, *commands) for number in VIRTUAL[:3]}
+    return {seed: seeds[seed] for number, seeds in each.items() for seed in seeds if own_robot(seed) == number}
 
 
 STANDS = 0.1
@@ -209,7 +221,9 @@ SENTENCES: tuple[Sentence, ...] = (
     Sentence(
         *("7", "because its data are of backward walking", "N"),
         "`net-all` reaches more forward than `net`, on the own robot",
-        lambda r: [_compare(r, of.worst_reach, "net-all", "net", "robot-3000", "0.2", *FORWARD)],
+        lambda r: [
+            _two("20 %", (_on_own_robots(r, of.worst_reach, name, "0.2", *FORWARD) for name in ("net-all", "net")))
+        ],
     ),
     Sentence(
         *("8", "because its data are of one robot", "N"),

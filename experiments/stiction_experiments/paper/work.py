@@ -30,7 +30,7 @@ from stiction.files.results import read_metrics
 from stiction.robots.catalog import find_robot
 from stiction.virtual.cases import Case, parse_level
 from stiction_experiments import PACKAGE
-from stiction_experiments.paper.plan import LEVEL, PLACES, SECONDS, TRAININGS, Place, Training
+from stiction_experiments.paper.plan import LEVEL, PLACES, SECONDS, TRAININGS, Place, Training, own_robot
 from stiction_experiments.paper.rows import WalkRow, walk_row
 from stiction_experiments.replication.net import WalkedNet, make_net
 
@@ -169,12 +169,13 @@ def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]
 
 
 def _make_net(training: Training, seed: int, net: Path, out: Path, jobs: int) -> None:
-    """Let `none` of the same seed walk on a virtual robot, and fit the Actuator Net to its log."""
+    """Let `none` of the same seed walk on its virtual robots, and fit the Actuator Net to the logs."""
     walker = check_for_simulation(COHORT / f"coulomb20-cohort-none-s{seed}")
-    case = Case(3000 + seed - 10, "all", parse_level(f"{LEVEL:g}"))
-    make_net(
-        WalkedNet("physx", case, find_robot("saturn_lite"), walker), net, f"stiction study paper --out {out}", jobs
+    first, *others = (
+        Case(own_robot(seed + number), "all", parse_level(f"{LEVEL:g}")) for number in range(training.logged)
     )
+    walked = WalkedNet("physx", first, find_robot("saturn_lite"), walker, commands=training.net, others=tuple(others))
+    make_net(walked, net, f"stiction study paper --out {out}", jobs)
 
 
 def _walk(place: Place, training: Training, out: Path, jobs: int) -> None:

@@ -11,7 +11,7 @@ The folder has the logs and the net; it is an entry of `core.cache`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -43,7 +43,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class WalkedNet:
-    """A net of one robot."""
+    """A net of the walks of one robot, or of several."""
 
     engine: str
     """Name in the catalogue of engines."""
@@ -56,6 +56,10 @@ class WalkedNet:
     seconds: float = 10.0
     """Length of each of its `RUNS` walks [s]."""
     cfg: ActuatorCfg = field(default_factory=ActuatorCfg)
+    commands: tuple[str, ...] = BACKWARD
+    """Commands of the walks."""
+    others: tuple[Case, ...] = ()
+    """Further robots that walk; all together make `RUNS` walks."""
 
     @property
     def label(self) -> str:
@@ -66,7 +70,8 @@ class WalkedNet:
     def key(self) -> str:
         """Digest of robot, engine, torque, policy, settings and code."""
         robot = (self.engine, self.case, self.spec, self.torque_source)
-        return key_of([*robot, self.policy.digest, self.seconds, self.cfg], *MAKING)
+        walks = (self.seconds, self.commands, self.others)
+        return key_of([*robot, self.policy.digest, *walks, self.cfg], *MAKING)
 
 
 def net_label(robot: Bench, policy: str, torque_source: TorqueSource) -> str:
@@ -100,7 +105,13 @@ def make_net(
         with replaced_folder(folder, "--runs"), publish_entry(folder, walked.key, walked.label) as net:
             logs = net / "logs"
             logs.mkdir()
-            tasks = [(walked, name, episode, logs) for name in BACKWARD for episode in range(RUNS // len(BACKWARD))]
+            each = RUNS // (len(walked.commands) * (1 + len(walked.others)))
+            tasks = [
+                (replace(walked, case=case), name, number * each + episode, logs)
+                for number, case in enumerate((walked.case, *walked.others))
+                for name in walked.commands
+                for episode in range(each)
+            ]
             for done, _ in enumerate(spread(log_walk, tasks, jobs), start=1):
                 progress("Actuator Net, log", done / len(tasks))
             runs = [read_run(file) for file in sorted(logs.glob("*.npz"))]

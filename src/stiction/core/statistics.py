@@ -45,19 +45,23 @@ def permutation_p(first: Sequence[float], second: Sequence[float]) -> float | No
     return sum(splits) / len(splits)
 
 
-def t_interval(points: Sequence[float]) -> Interval | None:
-    """Return mean ± t(n - 1) s / √n, the 95 % interval of the mean of `points`, one per seed; None for one or none."""
+def t_interval(points: Sequence[float], share: float = CONFIDENCE) -> Interval | None:
+    """Return mean ± t(n - 1) s / √n, the interval of the mean of `points`, one per seed; None for one or none.
+
+    share: probability with which it holds the mean.
+    """
     n = len(points)
     if n < 2:
         return None
-    return interval_of(float(np.mean(points)), float(np.std(points, ddof=1)) / sqrt(n), n - 1)
+    return interval_of(float(np.mean(points)), float(np.std(points, ddof=1)) / sqrt(n), n - 1, share)
 
 
-def interval_of(estimate: float, error: float, freedom: float) -> Interval:
-    """Return the 95 % t-interval of an estimate. `scipy.stats`, which has it, takes half a second to import."""
+def interval_of(estimate: float, error: float, freedom: float, share: float = CONFIDENCE) -> Interval:
+    """Return the t-interval of an estimate; share: as of `t_interval`.
+
+    `scipy.stats`, which has it, takes half a second to import.
+    """
     from scipy.special import stdtrit  # not where there is no interval: verbs that print advice start without it
 
-    low, high = (
-        estimate + error * float(stdtrit(freedom, share)) for share in (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2)
-    )
+    low, high = (estimate + error * float(stdtrit(freedom, end)) for end in (0.5 - share / 2, 0.5 + share / 2))
     return low, high

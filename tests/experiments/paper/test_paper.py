@@ -9,7 +9,7 @@ from stiction.files.results import ResultRow
 from stiction.learning.arguments import parse
 from stiction_experiments.paper import rows as of
 from stiction_experiments.paper.page import counts, judge
-from stiction_experiments.paper.plan import PLACES, TRAININGS
+from stiction_experiments.paper.plan import PLACES, THREE, TRAININGS, own_robot
 from stiction_experiments.paper.rows import Walks, walk_row
 from stiction_experiments.paper.sentences import SENTENCES, Learning, Results
 from stiction_experiments.paper.study import STUDY
@@ -34,16 +34,19 @@ def test_every_training_parses():
 
 
 def test_names_of_trainings_and_sentences_are_unique():
-    """A training in a sentence is one of the plan: else its sentence would wait for ever."""
+    """A training in a sentence is one of the plan, and walks in its place under its friction: none waits for ever."""
     names = [training.name for training in TRAININGS]
+    trainings, places = ({each.name: each for each in listed} for listed in (TRAININGS, PLACES))
     assert len(names) == len(set(names)) and len({one.number for one in SENTENCES}) == len(SENTENCES)
     asked = set()
 
     class Asked(Results):
         def at(self, value, training, place, friction, *commands):
-            asked.add(training.removesuffix("+measured"))
-            known = {one.name for one in PLACES}
-            assert {place} <= known if isinstance(place, str) else set(place) <= known
+            name = training.removesuffix("+measured")
+            asked.add(name)
+            for each in (place,) if isinstance(place, str) else place:
+                assert places[each].takes(trainings[name]) and friction in places[each].levels, (training, each)
+                assert name == training or places[each].forward
             return {}
 
         def of_curve(self, training, name):
@@ -95,6 +98,17 @@ def test_curves_are_means_over_ten_iterations():
     metrics = [dict.fromkeys(names, float(k)) for k in range(25)]
     points = curve_points("none", 10, metrics)
     assert [(point.iteration, point.tracking_error) for point in points] == [(10, 4.5), (20, 14.5)]
+
+
+def test_a_net_is_of_the_walks_that_its_name_says() -> None:
+    """Twelve walks each: four backward commands or six all ways on the own robot, or four on each of three robots."""
+    nets = {training.name: training for training in TRAININGS if training.net and training.walks_flat}
+    assert {name: (len(each.net), each.logged) for name, each in nets.items()} == {
+        "net": (4, 1),
+        "net-all": (6, 1),
+        "net-three": (4, 3),
+    }
+    assert [own_robot(seed) for seed in THREE] == [3000, 3001, 3002] and own_robot(13) == 3000
 
 
 def test_steps_are_in_the_order_of_their_worth(tmp_path):

@@ -54,6 +54,14 @@ def test_the_net_is_fitted_to_walks_backward(
         make_net(replace(walked, seconds=1.1), tmp_path / "net", "test")
 
 
+def test_several_robots_share_the_walks_of_one(walked: WalkedNet, tmp_path: Path) -> None:
+    """Three robots walk backward once at each of four speeds, with starts of their own."""
+    others = tuple(replace(walked.case, seed=seed) for seed in (1, 2))
+    make_net(replace(walked, others=others), tmp_path / "net", "test")
+    logs = [read_walk(file) for file in sorted((tmp_path / "net/logs").glob("*.npz"))]
+    assert len(logs) == 12 and {float(log.header.command[3:]) for log in logs} == {-0.2, -0.35, -0.5, -0.65}
+
+
 def test_a_policy_that_falls_at_once_is_refused(
     walked: WalkedNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
