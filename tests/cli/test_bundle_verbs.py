@@ -28,6 +28,7 @@ def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixt
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith("Verified: EVERY CHECK PASSED, 5 files, network, ")
     assert "note: whose it is was not checked: it has no signature, or --expect-digest" in lines
+    assert any(line.startswith("note: target limits: none in evaluation; ") for line in lines)
     assert lines[-3:-1] == ["Next:", f"  stiction evaluate {bundle}"]
     assert lines[-1] == f"digest {hashlib.sha256((bundle / 'SHA256SUMS').read_bytes()).hexdigest()}"
 

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import escape
 
 from stiction.core.errors import LogError
+from stiction.files.joints import JointsFile
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import other_moving_joints
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.findings import repeat_lines
+from stiction.identification.held_out import prediction_text
 from stiction.identification.pipeline import identify_joint, identify_log
 from stiction.identification.setup import IdentifySetup
+from stiction.report.identification import agreement
+from stiction.report.identified import glance_of
 
 SHORT = Excitation(duration=8.0)
 
@@ -41,6 +47,12 @@ def test_a_repeat_is_a_line_and_a_bad_one_a_warning() -> None:
     lines = repeat_lines(record)
     assert lines[0].startswith("repeat good: ") and "agree" in lines[0] and "times the fit's own" in lines[0]
     assert "do not" in lines[1] and lines[2].startswith("repeat short: not used: short: 50 samples")
+    verdict = {"answer": "no", "step": "", "assumes": [], "lines": ["a", "b", "c"]}
+    told = replace(record, diagnostics=record.diagnostics | {"verdict": verdict})
+    glance = glance_of(JointsFile({"shank": told}), Path("out"))
+    assert glance is not None and glance.notes == tuple(lines)
+    held = prediction_text(record.diagnostics["held_out"], "rotary")
+    assert escape(f"held out: {held}.") in "".join(agreement(record))
     texts = [text for text in record.warnings if "the repeat " in text]
     assert len(texts) == 2 and texts[0].startswith("the repeat bad is predicted badly: 5") and "short" in texts[1]
 

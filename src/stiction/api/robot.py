@@ -22,7 +22,7 @@ class RobotCheck(Result):
     robot: Robot
     """The robot."""
     findings: tuple[Any, ...]
-    """Findings, each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the line that mends it."""
+    """Findings, each with `check`, `state` (`good`, `note`, `bad`), `text`, and `mend`, the change that resolves it."""
     notes: tuple[str, ...] = ()
     """Parts of the file left out, corrected or not trusted on reading, one sentence each."""
 

@@ -57,6 +57,7 @@ def main(arguments: list[str]) -> None:
 
 def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
     """Return the glance at a valid bundle; bundle_path: as typed; known: digest `expected` or `allowed`, or None."""
+    from stiction.deploy.check import target_limits_text
     from stiction.files.golden import exercise_of
     from stiction.files.known_friction import known_friction_text
     from stiction.files.onset import golden_motion, predict_onset
@@ -68,6 +69,8 @@ def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
         notes.append(f"whose it is was not checked: {nobody}, or --expect-digest")
     if missed:
         notes.append(f"its recording, and so the replay, says nothing of: {', '.join(missed)}")
+    if contract.target_limits is None:
+        notes.append(f"target limits: {target_limits_text(contract)}")
     if not contract.met_friction:
         predicted = predict_onset(contract, golden_motion(bundle.golden, contract))
         notes.append(f"trained without friction, and {'not predicted' if predicted is None else predicted.text}")

@@ -215,7 +215,7 @@ class Origin:
 
     @classmethod
     def now(cls, *packages: Path) -> Origin:
-        """Return the code on disk and the machine; call it before the work. packages: as of `git_revision`."""
+        """Return revision and machine; call it before the work. packages: those of `git_revision`."""
         return cls(provenance(*packages), tuple(map(code_digest, (PACKAGE, *packages))), packages)
 
     def warnings(self) -> list[str]:

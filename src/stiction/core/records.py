@@ -66,8 +66,9 @@ def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def write_rows(path: Path, rows: Sequence[Any], form: str = ".9g") -> None:
-    """Write flat dataclass records of one kind; form: format of floats, as of `format`; empty for digits that read
-    back.
+    """Write flat dataclass records of one kind.
+
+    form: format of floats, such as `.9g`; empty: as many digits as it takes to read the same number back.
 
     Raises `StictionError` without a row, or for a number that is not finite.
     """

@@ -189,14 +189,14 @@ class Clock:
         self._stands = np.zeros(batch, dtype=bool)
 
     def step(self, command: np.ndarray, fresh: np.ndarray) -> None:
-        """Advance by one step under a command, (*batch, 3); fresh: robots that start anew, bool, the batch's shape."""
+        """Advance by one step under a command, (*batch, 3); fresh: True where an episode starts, (*batch,)."""
         clock, stood = self._clock, self._stands & ~fresh
         self._count = np.where(fresh, clock.first, self._count + 1)
         if clock.standing is not None:
             below = clock.standing_below
             slow = np.linalg.norm(np.asarray(command)[..., :2], axis=-1) < below
             self._stands = slow & (np.abs(np.asarray(command)[..., 2]) < below)
-            # A robot that walks on after standing begins the gait anew, see `GaitClock.standing`.
+            # A robot that stood starts its gait again, see `GaitClock.standing`.
             self._count = np.where(stood & ~self._stands, 0, self._count)
 
     def terms(self) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from stiction.core.provenance import num_threads
 from stiction.files.bam import load_joints
 from stiction.files.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, read_fit
 from stiction.identification.consistency import COMPARED, REPEAT
+from stiction.identification.held_out import prediction_text, predictions_text
 from stiction.report.identified import identified_card, reservations
 from stiction.report.joints import (
     CONDITIONS,
@@ -67,6 +68,8 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     if tried:
         header = ["log", "torque not explained [%]", "simulation error [% of the signal]"]
         blocks.append(table(header, tried, "The law that was chosen, tried on logs that it has not seen"))
+    if (held := record.diagnostics.get("held_out")) is not None:
+        blocks.append(paragraph(f"{held['source']}, held out: {prediction_text(held, record.axis)}."))
     drift = record.diagnostics.get("drift", {})
     if drift.get("change"):
         low, high = drift["change"]["interval95"]
@@ -212,8 +215,11 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
         own = [text for text in record.warnings if len(shared[text]) == 1]
         title = f"{name}: not valid" if record.objections else name
         blocks.append(fold(title, [*verdict, *([bullets(own)] if own else []), *parts]))
+    every = [table(["joint", *joint_columns(records)], rows, caption), overview(records)]
+    if line := predictions_text(records):
+        every.append(paragraph(line))
     return [
-        Section("All joints", (table(["joint", *joint_columns(records)], rows, caption), overview(records))),
+        Section("All joints", tuple(every)),
         Section("Joint by joint", tuple(blocks)),
     ]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from stiction.files.joints import Estimate, JointRecord, JointsFile
+from stiction.identification.findings import repeat_lines
 from stiction.identification.scale import Scale, scale_of
 from stiction.identification.verdict import AGAIN
 from stiction.report.gauge import ANSWERS, gauge, speeds
@@ -59,7 +60,11 @@ def glance_of(joints: JointsFile, folder: Path, command: str = "", page: bool = 
         ANSWERS.get(answer, "unknown"),
         _step(str(verdicts[worst]["step"]), folder, command),
         _errors(joints, ranked, verdicts),
-        (*((f"rests on {', '.join(assumed)}, which the log does not show",) if assumed else ()), *_coupled(joints)),
+        (
+            *_repeats(ranked),
+            *((f"rests on {', '.join(assumed)}, which the log does not show",) if assumed else ()),
+            *_coupled(joints),
+        ),
         f"why, and what is not known{many}: {folder / ('report.html' if page else 'joints.json')}",
     )
 
@@ -184,6 +189,12 @@ def reservations(joints: JointsFile) -> list[str]:
         for each in errors
     ]
     return [*remaining_warnings(joints), *limb, *_coupled(joints)]
+
+
+def _repeats(ranked: Mapping[str, JointRecord]) -> list[str]:
+    """Return what each repeat says, of several joints behind the name of the joint."""
+    lines = [(name, line) for name, record in ranked.items() if record.diagnostics for line in repeat_lines(record)]
+    return [f"{name}: {line}" if len(ranked) > 1 else line for name, line in lines]
 
 
 def _coupled(joints: JointsFile) -> tuple[str, ...]:

@@ -115,7 +115,7 @@ class SupervisorCfg:
     readers: int = 1
     """Number of programs that may read the commands, the robot's own included."""
     frozen: float = 0.03
-    """Time after which an IMU with the same readings to the last bit is frozen [s]: as of a stale state."""
+    """Time after which an IMU with bit-identical readings counts as frozen [s]; the same as for a stale state."""
     silence: float = 0.06
     """Longest time after the policy's last answer [s]: three control periods of 20 ms."""
     command_timeout: float = 0.5

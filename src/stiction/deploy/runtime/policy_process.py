@@ -26,7 +26,7 @@ from stiction.deploy.wear import WearMonitor
 from stiction.files.bundle import Bundle, reread_bundle
 
 WARM_UP = 50
-"""Number of steps over recorded sensors before the first real one: later nothing is compiled or allocated anew."""
+"""Number of steps over recorded sensors before the first real one, so that all code and memory is ready by then."""
 
 FAULTS = ("none", "policy-exception", "policy-nan", "policy-hang", "policy-exit")
 """Faults that a test can inject, by their number in a message; obeyed only where the process was started for it."""
