@@ -32,9 +32,14 @@ def result(log: Log) -> Identified:
     return stiction.identify(log)
 
 
-def test_an_identification_says_its_verdict_in_three_lines(result: Identified) -> None:
-    """`print(found)` is the verdict as the terminal has it."""
-    assert repr(result).splitlines() == list(result.verdict) and len(result.verdict) == 3
+def test_an_identification_says_its_verdict_at_a_glance(result: Identified) -> None:
+    """A printed result is the answer as the terminal has it, in short lines; `verdict` has the reasons."""
+    facts, answer, step, why = repr(result).splitlines()
+    assert (
+        facts.startswith("Friction 0.44") and answer == "Matters: CANNOT BE TOLD without the task" and ".verdict" in why
+    )
+    assert step.startswith("Next: stiction convert joints.json ") and max(map(len, (facts, answer, step))) < 80
+    assert len(result.verdict) == 3
     low, high = result["<script>"].coulomb_friction.interval95
     assert low < 0.442 < high and result.valid
 

@@ -52,7 +52,8 @@ def test_a_plain_script_identifies_several_joints(tmp_path: Path) -> None:
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("2 of 2 joints were identified") and not done.stderr
+    assert done.stdout.startswith("Friction ") and "\nMatters: " in done.stdout and not done.stderr
+    assert all(f"\n{joint}, 0.4" in done.stdout for joint in ("hip", "knee"))
 
 
 def code_of(notebook: dict[str, Any]) -> list[str]:

@@ -46,6 +46,7 @@ def test_a_run_and_a_bare_network_are_told_the_command_that_makes_a_bundle(
     for source, ending in (
         (run, "my run: got a training run that was not exported, expected a bundle; do: stiction export 'my run'"),
         (network, "do: stiction import policy.onnx --robot ROBOT --out policy, then give policy"),
+        (Path("no.onnx"), "no.onnx: got no such file, expected the directory of a bundle, or a network in ONNX"),
     ):
         assert main([verb, str(source)]) == 1
         captured = capsys.readouterr()

@@ -37,6 +37,6 @@ def test_somebody_elses_file_stays(name: str, tmp_path: Path, capsys: pytest.Cap
     file.write_text("mine")
     assert main([*CASES[name], "--out", str(tmp_path / "out")]) == 1
     error = capsys.readouterr().err
-    assert f"out has {name}, and no settings.json in it; choose another --out" in error
+    assert f"out has {name} and no settings.json; choose another --out" in error
     assert error.count("\n") == 1 and file.read_text() == "mine"
     assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [file]

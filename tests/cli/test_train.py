@@ -2,11 +2,13 @@
 
 import json
 import os
+import shlex
 import signal
 from pathlib import Path
 
 import pytest
 
+from stiction.cli import train as verb
 from stiction.cli.main import main
 from stiction.cli.progress import Display
 from stiction.core import gemm
@@ -15,6 +17,7 @@ from stiction.files.joints import Estimate, JointRecord, JointsFile, write_train
 from stiction.identification.verdict import propose, write_proposal
 from stiction.learning.run import latest_checkpoint, load_checkpoint
 from stiction.report.terminal import stop_requests
+from stiction.robots.catalog import robot_names
 from stiction.task.friction import FrictionCfg
 from words import but
 
@@ -54,6 +57,18 @@ def test_a_run_leaves_what_the_design_says(
     ]
     assert main(["train", *SMALL, "--out", str(out)]) == 1
     assert "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_the_next_step_of_a_checked_robot_begins_a_run(
+    robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """The command that `robot check` names is accepted as it is, also for a robot without a friction of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verb, "_run", lambda options, run, cfg: 0)
+    assert main(["robot", "check", robot]) == 0
+    step = capsys.readouterr().out.partition("Next:\n")[2].splitlines()[0]
+    assert main(shlex.split(step)[1:]) == 0 and (tmp_path / "runs/train/config.json").exists()
 
 
 def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

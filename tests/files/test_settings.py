@@ -63,7 +63,7 @@ def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
 def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
     """A robot.yaml that nobody's `robot show` wrote was replaced without a word."""
     (tmp_path / "robot.yaml").write_text("mine", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json in it;"):
+    with pytest.raises(ConfigurationError, match=r"has robot.yaml and no settings.json;"):
         check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.xml", "robot.yaml"))
     with results_folder(tmp_path, "robot show", Run(tmp_path, overwrite=True), ("robot.yaml",)):
         pass
@@ -99,7 +99,7 @@ def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> Non
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     check_settings(tmp_path, "identify", Run(tmp_path), ("joints.json",))
     (tmp_path / "joints.json").write_text("mine", encoding="utf-8")
-    message = r"has joints.json, and no settings.json in it; choose another --out, or add --overwrite"
+    message = r"has joints.json and no settings.json; choose another --out, or add --overwrite"
     with (
         pytest.raises(ConfigurationError, match=message),
         results_folder(tmp_path, "identify", Run(tmp_path), ("joints.json", "report.html")),
@@ -120,7 +120,7 @@ def test_a_run_that_died_or_failed_while_it_wrote_goes_on(tmp_path: Path) -> Non
             (out / "results").write_text("half", encoding="utf-8")
             raise OSError("full")
         if refused:
-            with pytest.raises(ConfigurationError, match=r"has results, and no settings.json"):
+            with pytest.raises(ConfigurationError, match=r"has results and no settings.json"):
                 check_settings(out, "evaluate", run, RESULTS)
         else:
             write(replace(run, out=out))

@@ -75,8 +75,13 @@ class Identified(Result):
         return len(self.joints)
 
     def lines(self) -> Sequence[str]:
-        """Return the verdict."""
-        return self.verdict or tuple(self.warnings[:3])
+        """Return the verdict at a glance, as the verb prints it; of several joints a line each, the worst first."""
+        from stiction.report.identified import glance_of, glance_rows
+
+        if (glance := glance_of(self.file, Path())) is None:
+            return tuple(self.warnings[:3])
+        rows = [", ".join(row) for row in glance_rows(self.file)] if len(self) > 1 else []
+        return (*glance.lines, *rows, "why, and what is not known: .verdict")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `stiction identify --json` prints, and `joints.json` holds."""

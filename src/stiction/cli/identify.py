@@ -113,7 +113,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     """Identify the joints of one log or of several, or of a whole limb; return the exit status. command: as typed."""
     from stiction.api.identification import identify_joints, identify_limb
     from stiction.files.inputs import with_sidecars
-    from stiction.identification.logs import join_logs
+    from stiction.identification.logs import join_logs, refuse_absent
     from stiction.report.terminal import work_progress
 
     if not config.log:
@@ -123,6 +123,8 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         return 0
     held_out = [] if config.held_out is None else [config.held_out]
     for log in (*config.log, *config.repeat, *held_out):
+        if not log.is_dir():  # the log of a run
+            refuse_absent(log)
         keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
     inputs: Inputs = {

@@ -73,12 +73,14 @@ def _check(cfg: CheckCfg) -> int:
 
     robot, names = check.robot, ", ".join(dict.fromkeys(finding.check for finding in bad))
     good = ", ".join(dict.fromkeys(finding.check for finding in findings if finding.state == "good"))
+    # Without a friction of its own there is nothing to draw multiples of.
+    level = "" if robot.joint_values("frictionloss").any() else " --friction-level 0.2"
     glance = Glance(
         f"{robot.name} ({cfg.robot}): {robot.mass:.4g} kg, {len(robot.joints)} joints, {len(robot.feet)} feet",
         "Usable",
         "no" if bad else "yes",
         "bad" if bad else "good",
-        "" if bad else f"stiction train --robot {shlex.quote(cfg.robot)}",
+        "" if bad else f"stiction train --robot {shlex.quote(cfg.robot)}{level}",
         why=f"good: {good}" if good else "",
     )
     table = Table("check", "found", "what mends it", box=None, pad_edge=False)

@@ -276,6 +276,8 @@ def find_bundle(name: Path) -> Path:
             f"{name}: got a training run that was not exported, expected a bundle; do: stiction export "
             f"{shlex.quote(str(name))}"
         )
+    if name.suffix == ".onnx" and not name.exists():
+        raise BundleError(f"{name}: got no such file, expected the directory of a bundle, or a network in ONNX")
     if name.exists() or len(name.parts) > 1:
         return name
     shipped = shipped_bundles()

@@ -93,9 +93,7 @@ def _check(
     if (out / SETTINGS).exists():
         _refuse_other(out, _plain(verb, options), digests())
     elif (present := _present(out, results)) and not _belongs_to(out, verb):
-        raise ConfigurationError(
-            f"{out} has {' and '.join(present[:SAID])}, and no {SETTINGS} in it; {HOW.format('--out')}"
-        )
+        raise ConfigurationError(f"{out} has {', '.join(present[:SAID])} and no {SETTINGS}; {HOW.format('--out')}")
 
 
 def _present(out: Path, results: Collection[str]) -> list[str]:

@@ -80,7 +80,7 @@ def run_folders(folder: Path) -> list[Path]:
     Raises `FileError` where `folder` cannot be listed, or has too many folders.
     """
     if not folder.is_dir():
-        raise FileError(f"{folder} is no folder; expected one with runs of `stiction train`: stiction runs runs")
+        raise FileError(f"{folder}: got no folder, expected one with runs of `stiction train`; name it, or train")
     runs, waiting, count = [], [(folder, 0)], 0
     while waiting:
         place, depth = waiting.pop()

@@ -72,6 +72,17 @@ class Glance:
         return self.step.startswith(SHELL)
 
     @property
+    def lines(self) -> tuple[str, ...]:
+        """The result as plain text, a line each: facts, answer, errors, reservations, next step."""
+        return (
+            self.facts,
+            f"{self.question}: {''.join(self.words)}",
+            *(f"error: {text}" for text in self.errors),
+            *(f"note: {text}" for text in self.notes),
+            *([f"Next: {self.step}"] if self.step else []),
+        )
+
+    @property
     def words(self) -> tuple[str, str]:
         """The answer in capitals, and what is said after it."""
         ends = [place for mark in (" without ", " at ", " up to ", ", ", " (") if (place := self.answer.find(mark)) > 0]

@@ -126,7 +126,7 @@ def open_log(
                 useless = {"columns": columns, "names": names, "sidecar": sidecar, "rate": rate}
                 _refuse(path.name, useless | {"time_scale": time_scale}, "is a log of a run, which says it itself")
                 return cut(joint_log(path.name, read_run_log(run)), begin, end)
-        _refuse_absent(path)
+        refuse_absent(path)
         with _unquoted(sidecar or sidecar_of(path)):
             setup = _declared(path, sidecar)
         known: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
@@ -135,7 +135,7 @@ def open_log(
         return _read(path, columns or setup.columns, joint, names or setup.names, setup, options, body)
 
 
-def _refuse_absent(path: Path) -> None:
+def refuse_absent(path: Path) -> None:
     """Raise `LogError` for a folder, and for a missing file."""
     if path.is_dir():
         inside = sorted(name for name in path.iterdir() if name.suffix in (*BAGS, ".parquet", ".csv"))
