@@ -37,8 +37,6 @@ def test_an_identification_says_its_verdict_at_a_glance(result: Identified) -> N
     facts, answer, step, why = repr(result).splitlines()
     assert facts.startswith("Friction 0.44") and ".verdict" in why
     assert answer == "Matters: CANNOT BE TOLD without the task"
-        facts.startswith("Friction 0.44") and answer == "Matters: CANNOT BE TOLD without the task" and ".verdict" in why
-    )
     assert step.startswith("Next: stiction convert joints.json ") and max(map(len, (facts, answer, step))) < 80
     assert len(result.verdict) == 3
     low, high = result["<script>"].coulomb_friction.interval95

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from stiction.cli.progress import Display, RunClock, busy_text, processor_times
+from stiction.cli.progress import Display, RunClock, busy_text, figures_line, processor_times
 from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
+from stiction.robots.catalog import find_robot
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
 
@@ -68,6 +69,17 @@ def test_a_file_gets_a_line_every_half_minute() -> None:
         "teacher 1/100: 4 min left, 5,321 env-steps/s, reward 0.0400, error 0.171 m/s, tripod 52%, falls 0.000/s, "
         "friction 0 to 0.24"
     )
+
+
+@pytest.mark.parametrize(
+    ("robot", "gait"), [("saturn_lite", ", tripod 52%,"), ("go2", ", trot 52%,"), ("g1", " m/s, falls ")]
+)
+def test_a_line_has_the_gait_that_its_robot_can_have(robot: str, gait: str) -> None:
+    """A quadruped trots, and a biped without contact groups has no such number."""
+    figures = dict(FIGURES)
+    if robot == "g1":
+        del figures["walk/tripod_share"]
+    assert gait in figures_line(CFG, figures, find_robot(robot).gait)
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_runs_are_those_with_a_configuration(tmp_path: Path) -> None:
     names = sorted(str(path.relative_to(tmp_path)) for path in run_folders(tmp_path))
     assert names == ["a", "cohort/b", "/".join("d" * DEPTH)]
     assert run_folders(tmp_path / "a") == [tmp_path / "a"]
-    with pytest.raises(FileError, match="is no folder"):
+    with pytest.raises(FileError, match="got no folder"):
         run_folders(tmp_path / "none")
 
 

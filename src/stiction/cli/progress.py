@@ -19,6 +19,7 @@ from stiction.core.errors import escaped
 from stiction.core.provenance import num_threads
 from stiction.learning.config import TrainCfg
 from stiction.report.terminal import Terminal
+from stiction.robots.catalog import find_robot
 
 RECENT = 20
 """Iterations whose times count."""
@@ -122,12 +123,12 @@ PLAIN_EVERY = 30.0
 """Time between lines where standard error is not a terminal [s]."""
 
 
-def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
-    """Return how the robots walk, in one line: what a person looks at first."""
+def figures_line(cfg: TrainCfg, figures: Mapping[str, float], gait: str = "") -> str:
+    """Return how the robots walk, in one line: what a person looks at first. gait: name of the robot's, if any."""
     words = [
         f"reward {figures['reward']:.4f}",
         f"error {figures['walk/tracking_error']:.3f} m/s",
-        f"tripod {figures['walk/tripod_share']:.0%}",
+        *([f"{gait} {figures['walk/tripod_share']:.0%}"] if gait else []),
         f"falls {figures['walk/falls']:.3f}/s",
     ]
     if "terrain/level" in figures:
@@ -155,7 +156,7 @@ class Display:
         """Begin before the first iteration. `clock` [s]: of the lines in a file; `times`: of this process."""
         self.cfg, self.console, self.clock = cfg, console, clock
         self._run = RunClock(cfg, times)
-        self._next_line = clock()
+        self._next_line, self._gait = clock(), find_robot(cfg.task.robot).gait
         self._note = Text("the first iteration runs ...")
         self.lines: tuple[str, ...] = (self._note.plain,)
         """State of the training for the live page: iterations and time left, then how the robots walk."""
@@ -175,7 +176,7 @@ class Display:
         self._run.add(phase, figures)
         left = self._run.left(phase, iteration)
         pace = f"{left}, {figures['env_steps_per_second']:,.0f} env-steps/s"
-        walk = figures_line(self.cfg, figures)
+        walk = figures_line(self.cfg, figures, self._gait)
         if phase == "student":
             # A teacher that reached its target, or was trained before a resume, is done whatever its bar says.
             self._bars.update(self._tasks["teacher"], completed=self.cfg.teacher.iterations)

@@ -180,7 +180,7 @@ def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
     )
     print(
         f"{early}policy in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
-        f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
+        f"{summary['seconds'] / 60:.1f} min\n"
         f"curves: {curves}, {run.path / 'report.html'}\nnext: stiction export {run.path}",
         file=sys.stderr,
     )

@@ -152,7 +152,7 @@ def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
             path.unlink()
 
 
-REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
+REPORTED, STOPPED = ("walk/tracking_error",), ("iteration", "walk/tracking_error")
 """Figures in summary.json of a phase, and of one that reached its target."""
 
 OTHERS = ("contract.json", "metrics.jsonl", "summary.json", "checkpoints/*")

@@ -51,6 +51,7 @@ from stiction.report.page import (
     settings_table,
     table,
 )
+from stiction.robots.model import GAITS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,11 +158,8 @@ TITLE = "Speed over joint friction"
 MOVING = "moving"
 """Column that results.csv does not have; it comes from summary.json."""
 
-TRIPOD = "tripod"
+TRIPOD = GAITS[6]
 """Column of one contact group on the ground, by its name for six feet."""
-
-GAITS = {4: "trot", 6: TRIPOD}
-"""Number of feet -> name of the gait in which one contact group is on the ground; no other robot has one."""
 
 UNITS = {
     "friction": "of τ_max",

@@ -44,7 +44,7 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("reward a step", {"reward": "reward"}),
     ("tracking error [m/s]", {"walk/tracking_error": "error"}),
     ("speed over commanded", {"walk/forward_ratio": "forward", "walk/backward_ratio": "backward"}),
-    ("tripod share while moving", {"walk/tripod_share": "tripod"}),
+    ("share of moving steps on one tripod or diagonal", {"walk/tripod_share": "share"}),
     ("falls [1/s]", {"walk/falls": "falls"}),
     ("terrain level", {"terrain/level": "level"}),
     ("step height [m]", {"terrain/step_height": "mean", "terrain/step_height_best_tenth": "best tenth"}),

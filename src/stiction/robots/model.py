@@ -28,6 +28,9 @@ TRUNK_LENGTH = 0.70
 LARGEST = 1e9
 """Bound of the numbers of a robot, in every unit; a larger one is an error, or made to overflow."""
 
+GAITS = {4: "trot", 6: "tripod"}
+"""Number of feet -> name of the gait in which one contact group is on the ground; no other robot has one."""
+
 DELAY_SAMPLES = 8
 """Physics steps of delayed controls for which every robot's model has room."""
 
@@ -329,6 +332,11 @@ class Robot:
     def groups(self) -> np.ndarray | None:
         """Return the contact group of each foot, shape (num_feet,), or None."""
         return None if self.feet[0].group is None else np.array([foot.group for foot in self.feet])
+
+    @property
+    def gait(self) -> str:
+        """Name of the gait in which one contact group is on the ground; empty where no name is known."""
+        return "" if self.groups() is None else GAITS.get(len(self.feet), "")
 
     def chain(self, link: int) -> tuple[int, ...]:
         """Return the numbers of the joints from the base to a link, see `chain_to`."""

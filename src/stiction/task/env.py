@@ -322,10 +322,11 @@ class LocomotionEnv(VecEnv):
         error = (snapshot.command[:, :2] - snapshot.linear_velocity[:, :2]).norm(dim=-1)
         log = {
             "walk/tracking_error": error.mean(),
-            "walk/tripod_share": (snapshot.one_group * moving).sum() / moving.sum().clamp(min=1.0),
             "walk/falls": fallen.float().mean() / self.cfg.control_period,
             "walk/blown_up": blown_up.sum().float(),
         }
+        if self.group is not None:
+            log["walk/tripod_share"] = (snapshot.one_group * moving).sum() / moving.sum().clamp(min=1.0)
         command = snapshot.command[:, 0]
         # Infinite at a command of zero, which neither of the masks lets through.
         ratio = snapshot.linear_velocity[:, 0] / command
