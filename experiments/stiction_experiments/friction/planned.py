@@ -36,6 +36,13 @@ sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed,
 time, 15 s. Machines differ by two; methods, robots and encoders take 0.8 to 1.6 of it (results/student, methods)."""
 
 
+def processor_seconds(cfg: TrainCfg) -> float:
+    """Return the processor time of a training from the beginning, by `STEP_SECONDS` [s]."""
+    physics = ("sliders" if cfg.task.physics.plastic else "rows") if cfg.engine == "mujoco" else cfg.engine
+    steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
+    return steps * STEP_SECONDS[physics]
+
+
 @dataclass(frozen=True)
 class PlannedRun:
     """A run with its complete configuration, and the folder where it is or will be."""
@@ -67,11 +74,8 @@ class PlannedRun:
         return before + int(rows[-1]["iteration"])
 
     def minutes(self) -> float:
-        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
-        cfg = self.cfg
-        physics = ("sliders" if cfg.task.physics.plastic else "rows") if cfg.engine == "mujoco" else cfg.engine
-        steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
-        return steps * STEP_SECONDS[physics] / 60.0
+        """Return the processor time that its training takes from the beginning [min]."""
+        return processor_seconds(self.cfg) / 60.0
 
     def state(self) -> State:
         """Return where the run stands.

@@ -43,8 +43,9 @@ class Test:
     first: Seeds = field(default_factory=dict)
     second: Seeds = field(default_factory=dict)
     """Values of the training that the first is compared with; empty: the first alone, with a bound."""
-    kind: Literal["larger", "same", "above", "below"] = "larger"
-    """`larger`: first over second; `same`: within `MARGIN`; `above`, `below`: every seed of the first, of `bound`."""
+    kind: Literal["larger", "noticeable", "same", "above", "below"] = "larger"
+    """`larger`: first over second; `noticeable`: by more than `MARGIN`, or by what the interval leaves open beyond it;
+    `same`: within `MARGIN`; `above`, `below`: every seed of the first, of `bound`."""
     bound: float = 0.0
     about: str = ""
     """Names of both, for the evidence: `none, deception`."""
@@ -100,7 +101,7 @@ class Decision:
             return f"{test.label}: {len(test.first)} seeds"
         text = f"{test.label}: {spread_text(test.first)}"
         if test.second:
-            low, high = test.interval(0.9 if test.kind == "same" else 0.95)
+            low, high = test.interval(0.9 if test.kind in ("same", "noticeable") else 0.95)
             difference = np.mean([*test.first.values()]) - np.mean([*test.second.values()])
             text += f" and {spread_text(test.second)}, difference {difference:+.2f} [{low:+.2f}, {high:+.2f}]"
         return text + ("" if self.p is None else f", p {self.p:.2g}")
@@ -123,7 +124,7 @@ def holm(ps: Sequence[float]) -> list[float]:
 
 def decide(tests: Sequence[Test]) -> list[Decision]:
     """Decide the tests of one family together, in their order."""
-    compared = [test for test in tests if test.walked and test.kind == "larger"]
+    compared = [test for test in tests if test.walked and test.kind in ("larger", "noticeable")]
     corrected = dict(zip(map(id, compared), holm([test.p() for test in compared]), strict=True))
     return [Decision(test, _outcome(test, corrected.get(id(test))), corrected.get(id(test))) for test in tests]
 
@@ -132,11 +133,12 @@ def _outcome(test: Test, p: float | None) -> Outcome:
     """Return the outcome of a test; p: corrected, of a difference."""
     if not test.walked:
         return "not walked"
-    if test.kind == "same":
+    if test.kind in ("same", "noticeable"):
         low, high = test.interval(0.9)
         if low >= -MARGIN and high <= MARGIN:
-            return "holds"
-        return "does not hold" if high < -MARGIN or low > MARGIN else "undecided"
+            return "holds" if test.kind == "same" else "does not hold"
+        if test.kind == "same":
+            return "does not hold" if high < -MARGIN or low > MARGIN else "undecided"
     if p is not None:
         if p >= SIGNIFICANT:
             return "undecided"

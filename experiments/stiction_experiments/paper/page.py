@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, new_figure
 from stiction_experiments.lab.study import Report
 from stiction_experiments.paper.decide import Decision, decide, joined
+from stiction_experiments.paper.estimator import PARAMETERS, ProfileRow
 from stiction_experiments.paper.plan import LEVELS, MAIN
+from stiction_experiments.paper.results import Results
 from stiction_experiments.paper.rows import share_followed
-from stiction_experiments.paper.sentences import Results, Sentence, by_family
+from stiction_experiments.paper.sentences import Sentence, by_family
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,10 +67,10 @@ def counts(rows: Sequence[SentenceRow]) -> str:
     return f"Of {len(rows)} sentences " + ", ".join(f"{count} {name}" for name, count in kinds.items() if count) + "."
 
 
-def report(results: Results) -> Report:
-    """Return tables, figure and page."""
+def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
+    """Return tables, figures and page; profile: of the estimators of sentence 12."""
     rows = judge(results)
-    figure = followed_figure(results)
+    figure, profiles = followed_figure(results), profile_figure(profile)
     table = Sheet(
         "The sentences",
         ("#", "sentence", "asked", "outcome", "evidence"),
@@ -78,6 +80,7 @@ def report(results: Results) -> Report:
     alt = "share of commands followed over friction, by training and place"
     sections = [
         *([Section("Who follows where", (figure_block(figure, alt),))] if figure else []),
+        *([Section("The printed estimator", (figure_block(profiles, PROFILE),))] if profiles else []),
         Section("The sentences", (table.html(),)),
     ]
     return Report(
@@ -86,9 +89,31 @@ def report(results: Results) -> Report:
         {"sentences": rows},
         sections=sections,
         sheets=(table,),
-        figures={"followed": figure},
+        figures={"followed": figure, "profile": profiles},
         answer=(lead,),
     )
+
+
+PROFILE = (
+    "root of three objectives over one parameter of a simulated motor, as a multiple of the true one, the others true"
+)
+
+
+def profile_figure(rows: Sequence[ProfileRow]) -> Figure | None:
+    """Return the root of each objective along each parameter, a panel a parameter; None without rows."""
+    if not rows:
+        return None
+    estimators = tuple(dict.fromkeys(row.estimator for row in rows))
+    figure, axes = new_figure(1, len(PARAMETERS), (3.4 * len(PARAMETERS), 3.0))
+    for axis, parameter in zip(axes, PARAMETERS, strict=True):
+        for estimator in estimators:
+            own = [row for row in rows if (row.estimator, row.parameter) == (estimator, parameter)]
+            look = line_look(estimator, estimators)
+            axis.plot([row.factor for row in own], [row.rms for row in own], **look, label=estimator)
+        axis.set(title=parameter, xlabel="over the true one [1]", xscale="log", yscale="log")
+    axes[0].set_ylabel("root mean square [rad]")
+    legend(axes[-1])
+    return figure
 
 
 PANELS = (("MuJoCo", ("mujoco",)), ("PhysX", ("physx",)), ("Webots' ODE", ("webots",)))

@@ -107,6 +107,8 @@ TRAININGS: tuple[Training, ...] = (
     _unit("direct-load-5", "load", 0.05),
     _unit("direct-load-44", "load", 0.442),
     _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
+    _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5"),
+    _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2"),
     _coulomb("direct-weak", "direct", *WEAK),
     _coulomb("none-weak", "none", *WEAK),
     _coulomb("direct-sharp", "direct", *SHARP),
@@ -138,6 +140,22 @@ TRAININGS: tuple[Training, ...] = (
 """Every training, in the order of its worth."""
 
 
+MAIN = ("none", "direct", "deception", "net")
+"""Trainings that are compared in every engine."""
+
+ON_ROBOTS = ("none", "deception", "net", "net-all", "net-three", "iterative")
+"""Trainings of which a sentence asks what they do on a virtual robot."""
+
+WORN = ("none", "deception")
+"""Trainings that walk on robots whose joints wear."""
+
+UNDER_LOAD = ("none", "direct-load-5", "direct-load-44")
+"""Trainings that walk under friction in proportion to the load."""
+
+GAITS = ("none", "plain", "no-unsync", "go1-plain", "go2-plain")
+"""Trainings whose gait is measured."""
+
+
 @dataclass(frozen=True)
 class Place:
     """Where policies walk: an engine with a robot."""
@@ -145,39 +163,44 @@ class Place:
     name: str
     engine: str
     levels: tuple[str, ...]
-    """Friction over the torque limit; `bench`: the paper's values."""
+    """Friction over the torque limit, or the coefficient of `law`; `bench`: the paper's values."""
     episodes: int
+    trainings: tuple[str, ...] = ()
+    """Names of the trainings that walk there; none: all."""
     robot: int | None = None
     """Virtual robot; None: the robot of the data sheet."""
-    main: bool = False
-    """True if only the trainings of `MAIN` walk there, and on a robot those on an Actuator Net."""
     forward: bool = False
     """True if `none` also walks with friction fed forward."""
+    law: str = "coulomb"
+    """Law of the friction of the robot of the data sheet."""
 
     def takes(self, training: Training) -> bool:
         """Return whether a training's policies walk there."""
-        meant = training.name in MAIN or not self.main or (bool(training.net) and self.name.startswith("robot-"))
-        return training.walks_flat and meant
+        return training.walks_flat and (not self.trainings or training.name in self.trainings)
 
-
-MAIN = ("none", "direct", "deception", "net")
-"""Trainings that are compared everywhere."""
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3")
 ROBOT_LEVELS = ("bench", "0.05", "0.1", "0.2")
 
+SEALED, UNSEALED = "0.0098", "0.0029"
+"""Friction over the torque limit of the paper's shank with its seals, and with 70 % of it gone [1]."""
+
 PLACES: tuple[Place, ...] = (
     Place("mujoco", "mujoco", LEVELS, 8),
-    Place("physx", "physx", LEVELS, 2, main=True),
-    Place("webots", "ode-webots", LEVELS, 1, main=True),
-    *(
-        Place(f"robot-{number}", "physx+all", ROBOT_LEVELS, 1, number, main=number not in VIRTUAL[:2], forward=True)
-        for number in VIRTUAL
-    ),
-    *(Place(f"but-friction-{number}", "physx+rest", ("0",), 1, number, main=True) for number in VIRTUAL[:2]),
-    *(Place(f"friction-{number}", "physx+friction", ROBOT_LEVELS, 1, number, main=True) for number in VIRTUAL[:2]),
+    Place("mujoco-fine", "mujoco", (UNSEALED, SEALED, "0.03"), 8, ("none", "none-half", "none-double")),
+    Place("mujoco-load", "mujoco", ("0.02", "0.05", "0.1", "0.442"), 8, UNDER_LOAD, law="load"),
+    Place("mujoco-effort", "mujoco", ("0.442",), 8, ("direct-effort",), law="effort"),
+    Place("physx", "physx", LEVELS[:-1], 2, MAIN),
+    Place("webots", "ode-webots", LEVELS[:-1], 1, MAIN),
+    *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS, n, forward=True) for n in VIRTUAL[:2]),
+    *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS[:-1], n, forward=True) for n in VIRTUAL[2:]),
+    *(Place(f"but-friction-{n}", "physx+rest", ("0",), 1, ("none",), n) for n in VIRTUAL[:2]),
+    *(Place(f"friction-{n}", "physx+friction", ROBOT_LEVELS, 1, ("none",), n) for n in VIRTUAL[:2]),
 )
 """Every place; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
 
 SECONDS = 10.0
 """Length of a walk, of which the last 8 s count [s]."""
+
+GAIT_WALKS = 8
+"""Walks in which a gait is measured."""

@@ -21,7 +21,7 @@ class WalkRow:
     seed: int
     place: str
     friction: str
-    """As typed: a share of the torque limit, or `bench`."""
+    """As typed: a share of the torque limit, `bench`, or the coefficient of the place's law."""
     command: str
     mean_vx: float
     """Mean forward velocity over the walks, zero after a fall [m/s]."""

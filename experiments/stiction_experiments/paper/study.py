@@ -21,7 +21,8 @@ class PaperOptions(ParallelOptions):
     """Options of `stiction study paper`."""
 
     out: Path = Path("stiction-paper")
-    """Directory for walks.csv, curves.csv, ledger.csv, sentences.csv and the page; with --do also for runs."""
+    """Directory for rows of walks, curves, stairs, gaits, lives and estimators, for ledger.csv, sentences.csv and the
+    page; with --do also for runs."""
     do: int = 0
     """Missing steps that are done before."""
 
@@ -34,9 +35,13 @@ class PaperOptions(ParallelOptions):
 def run(options: PaperOptions, work: Work) -> Report:
     """Do what is missing, as far as it is asked for, and judge all rows."""
     from stiction.core.records import read_rows
+    from stiction_experiments.paper.climbs import Climbed
+    from stiction_experiments.paper.estimator import EstimateRow, ProfileRow
+    from stiction_experiments.paper.gaits import Gait
+    from stiction_experiments.paper.lives import Life
     from stiction_experiments.paper.page import report
+    from stiction_experiments.paper.results import Learning, Results
     from stiction_experiments.paper.rows import WalkRow, Walks
-    from stiction_experiments.paper.sentences import Climbed, Gait, Learning, Results
     from stiction_experiments.paper.work import CurvePoint, do_missing
 
     out = work.begin()
@@ -50,8 +55,10 @@ def run(options: PaperOptions, work: Work) -> Report:
         [Learning(*key, fmean(errors)) for key, errors in areas.items()],
         read_rows(out / "stairs.csv", Climbed, optional=True),
         read_rows(out / "gait.csv", Gait, optional=True),
+        read_rows(out / "lives.csv", Life, optional=True),
+        read_rows(out / "estimator.csv", EstimateRow, optional=True),
     )
-    return report(results)
+    return report(results, read_rows(out / "profile.csv", ProfileRow, optional=True))
 
 
 STUDY = Study(
@@ -59,5 +66,5 @@ STUDY = Study(
     DESCRIPTION,
     PaperOptions,
     run,
-    results=("sentences.csv", "followed.png"),
+    results=("sentences.csv", "followed.png", "profile.png"),
 )

@@ -3,7 +3,8 @@
     OUT/runs/NAME-sSEED       the training, resumable       OUT/policies/NAME-sSEED    its policy
     OUT/nets/NAME-sSEED       logs and Actuator Net          OUT/walks/PLACE/NAME       walks of all its seeds, a ledger
 
-What is committed is `walks.csv`, `curves.csv` and `ledger.csv`, to which each step adds its row.
+What is committed is `ledger.csv` and the rows: `walks.csv`, `curves.csv`, `stairs.csv`, `gait.csv`, `lives.csv`,
+`estimator.csv` and `profile.csv`, to which each step adds its own.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from stiction.core.errors import TrainingError
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.provenance import THREADS_VARIABLE, Origin
-from stiction.core.records import read_rows, write_rows
+from stiction.core.records import make_folder, read_rows, write_rows
 from stiction.deploy.check import check_for_simulation
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
@@ -30,8 +32,24 @@ from stiction.files.results import read_metrics
 from stiction.robots.catalog import find_robot
 from stiction.virtual.cases import Case, parse_level
 from stiction_experiments import PACKAGE
-from stiction_experiments.paper.plan import LEVEL, PLACES, SECONDS, TRAININGS, Place, Training, own_robot
-from stiction_experiments.paper.rows import WalkRow, walk_row
+from stiction_experiments.paper.climbs import STAIRS, Stairs, climb
+from stiction_experiments.paper.estimator import DRAWS, TABLE, draw_motor, estimate_rows, profile_rows
+from stiction_experiments.paper.gaits import walk_gaits
+from stiction_experiments.paper.lives import life_cfg, live
+from stiction_experiments.paper.plan import (
+    GAIT_WALKS,
+    GAITS,
+    LEVEL,
+    PLACES,
+    SECONDS,
+    TRAININGS,
+    VIRTUAL,
+    WORN,
+    Place,
+    Training,
+    own_robot,
+)
+from stiction_experiments.paper.rows import walk_row
 from stiction_experiments.replication.net import WalkedNet, make_net
 
 COHORT = Path("results/following/policies")
@@ -87,6 +105,7 @@ def policy_of(training: Training, seed: int, out: Path) -> Path:
 
 def steps(out: Path, jobs: int = 1) -> Iterator[Step]:
     """Yield every step of the plan, in the order of the trainings' worth; jobs: walks at once."""
+    yield Step("estimate", out / "estimator.csv", partial(_estimate, out))
     for training in TRAININGS:
         for seed in training.seeds:
             if training.trained:
@@ -99,11 +118,30 @@ def steps(out: Path, jobs: int = 1) -> Iterator[Step]:
             policy = policy_of(training, seed, out)
             words = ["export", run, "--out", policy]
             yield Step(f"export {name}", policy / "contract.json", partial(_program, words, run / "train.log"))
-        for place in PLACES:
-            if place.takes(training):
-                folder = out / "walks" / place.name / training.name
-                walk = partial(_walk, place, training, out, jobs)
-                yield Step(f"walk {place.name} {training.name}", folder / "done", walk)
+        for name, walk in _walks(training, out, jobs):
+            folder = out / "walks" / name / training.name
+            yield Step(f"walk {name} {training.name}", folder / "done", partial(_in_folder, folder, walk))
+
+
+def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], None]]]:
+    """Yield each place in which a training walks, with the function that walks there and adds its rows."""
+    for place in PLACES:
+        if place.takes(training):
+            yield place.name, partial(_walk, place, training, out, jobs)
+    for stairs in STAIRS:
+        if training.name in stairs.trainings:
+            yield f"stairs-{stairs.name}", partial(_climb, stairs, training, out, jobs)
+    if training.name in GAITS:
+        yield "gait", partial(_measure_gait, training, out)
+    if training.name in WORN:
+        yield "lives", partial(_wear, training, out, jobs)
+
+
+def _in_folder(folder: Path, walk: Callable[[Path], None]) -> None:
+    """Walk in a folder, and mark it as done."""
+    make_folder(folder)
+    walk(folder)
+    (folder / "done").touch()
 
 
 def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> int:
@@ -120,9 +158,7 @@ def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> i
         say(step.name)
         before = _processor_seconds()
         step.do()
-        row = LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)
-        ledger = read_rows(out / "ledger.csv", LedgerRow, optional=True)
-        write_rows(out / "ledger.csv", [*ledger, row])
+        _add(out / "ledger.csv", [LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)], ".9g")
         done += 1
     return done
 
@@ -153,8 +189,7 @@ def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> No
     begin: list[object] = ["train", *preset, *words, "--seed", seed, "--out", run]
     _program(["train", "--resume", run] if (run / "config.json").exists() else begin, run / "train.log")
     metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
-    curves = read_rows(out / "curves.csv", CurvePoint, optional=True)
-    write_rows(out / "curves.csv", [*curves, *curve_points(training.name, seed, metrics)])
+    _add(out / "curves.csv", curve_points(training.name, seed, metrics), ".9g")
 
 
 def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]]) -> list[CurvePoint]:
@@ -178,20 +213,49 @@ def _make_net(training: Training, seed: int, net: Path, out: Path, jobs: int) ->
     make_net(walked, net, f"stiction study paper --out {out}", jobs)
 
 
-def _walk(place: Place, training: Training, out: Path, jobs: int) -> None:
+def _bundles(training: Training, out: Path) -> list[Bundle]:
+    """Return the policies of a training, checked."""
+    return [check_for_simulation(policy_of(training, seed, out)) for seed in training.seeds]
+
+
+def _add(path: Path, rows: Sequence[Any], form: str = ".4g") -> None:
+    """Add rows, which are of one kind, to a file."""
+    write_rows(path, [*read_rows(path, type(rows[0]), optional=True), *rows], form=form)
+
+
+def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) -> None:
     """Walk all seeds of a training in one place, and add their rows."""
-    folder = out / "walks" / place.name / training.name
-    bundles = [check_for_simulation(policy_of(training, seed, out)) for seed in training.seeds]
+    bundles, rows = _bundles(training, out), []
     forward = place.forward and training.name == "none"
-    rows = []
     for level in place.levels:
         cfg = _grid(place, level, bundles, forward)
         for row in rows_of(walk_grid(bundles, cfg, folder / level, jobs), bundles)[0]:
             fed = "+measured" if "+measured" in row.policy else ""
             rows.append(walk_row(training.name + fed, place.name, level, row))
-    walks = read_rows(out / "walks.csv", WalkRow, optional=True)
-    write_rows(out / "walks.csv", [*walks, *rows], form=".4g")
-    (folder / "done").touch()
+    _add(out / "walks.csv", rows)
+
+
+def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path) -> None:
+    """Let all seeds of a training cross stairs in one place, and add their rows."""
+    _add(out / "stairs.csv", climb(training.name, _bundles(training, out), stairs, folder, jobs))
+
+
+def _measure_gait(training: Training, out: Path, folder: Path) -> None:
+    """Measure the gait of all seeds of a training, and add their rows; nothing is kept in the folder."""
+    _add(out / "gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS))
+
+
+def _wear(training: Training, out: Path, jobs: int, folder: Path) -> None:
+    """Let robots wear under all seeds of a training, and add their lives."""
+    policies = [policy_of(training, seed, out) for seed in training.seeds]
+    _add(out / "lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs))
+
+
+def _estimate(out: Path) -> None:
+    """Ask every estimator about every motor, and write the rows; the profile first, for the other file is the mark."""
+    motors = [draw_motor(number) for number in range(len(TABLE) * DRAWS)]
+    write_rows(out / "profile.csv", profile_rows(motors[0]), form=".4g")
+    write_rows(out / "estimator.csv", [row for motor in motors for row in estimate_rows(motor)], form=".6g")
 
 
 def _grid(place: Place, level: str, bundles: list[Bundle], forward: bool) -> GridCfg:
@@ -199,5 +263,6 @@ def _grid(place: Place, level: str, bundles: list[Bundle], forward: bool) -> Gri
     names = tuple(bundle.name for bundle in bundles) if forward and level != "0" else ()
     base = EvaluationCfg((0.0,), commands_for(bundles), place.episodes, SECONDS)
     if place.robot is None:
-        return GridCfg(replace(base, friction_levels=(float(level),)), (place.engine,), forward=names)
+        base = replace(base, friction_levels=(float(level),), friction_law=place.law)
+        return GridCfg(base, (place.engine,), forward=names)
     return GridCfg(base, (place.engine,), robots=(place.robot,), robot_levels=(level,), forward=names)

@@ -42,6 +42,17 @@ def test_no_difference_needs_an_interval_within_the_margin():
     assert outcomes == ["holds", "does not hold", "undecided"]
 
 
+def test_a_noticeable_difference_is_one_beyond_the_margin():
+    """0.12 more everywhere is; 0.02 to 0.03 is sure and too little; a scatter of ± 0.1 is neither."""
+    less = {seed: value - 0.12 - 0.001 * (seed % 2) for seed, value in FIVE.items()}
+    hardly = {seed: value - 0.02 - 0.01 * (seed % 2) for seed, value in FIVE.items()}
+    scattered = {10: 1.0, 11: 0.7, 12: 0.95, 13: 0.85, 14: 0.9}
+    pairs = ((FIVE, less), (less, FIVE), (FIVE, hardly), (FIVE, scattered))
+    decisions = [decide([Test("", first, second, "noticeable")])[0] for first, second in pairs]
+    assert [decision.outcome for decision in decisions] == ["holds", "does not hold", "does not hold", "undecided"]
+    assert decisions[2].p is not None and decisions[2].p < 0.05
+
+
 def test_one_training_is_decided_where_all_seeds_are_on_one_side():
     """The bound itself counts as above."""
     above = [Test("", FIVE, kind="above", bound=bound) for bound in (0.8, 0.85, 0.96)]

@@ -8,10 +8,24 @@ from stiction.core.records import read_rows
 from stiction.files.results import ResultRow
 from stiction.learning.arguments import parse
 from stiction_experiments.paper import rows as of
+from stiction_experiments.paper.climbs import STAIRS
+from stiction_experiments.paper.estimator import PARAMETERS, SAMPLED, EstimateRow
+from stiction_experiments.paper.gaits import Gait
+from stiction_experiments.paper.lives import Life
 from stiction_experiments.paper.page import counts, judge
-from stiction_experiments.paper.plan import PLACES, THREE, TRAININGS, own_robot
+from stiction_experiments.paper.plan import (
+    GAITS,
+    ON_ROBOTS,
+    PLACES,
+    THREE,
+    TRAININGS,
+    UNDER_LOAD,
+    WORN,
+    own_robot,
+)
+from stiction_experiments.paper.results import Learning, Results
 from stiction_experiments.paper.rows import Walks, walk_row
-from stiction_experiments.paper.sentences import SENTENCES, Learning, Results
+from stiction_experiments.paper.sentences import SENTENCES, _overall
 from stiction_experiments.paper.study import STUDY
 from stiction_experiments.paper.work import curve_points, steps
 
@@ -53,10 +67,23 @@ def test_names_of_trainings_and_sentences_are_unique():
             asked.add(training)
             return {}
 
+        def crossed(self, training, place, friction, height):
+            (stairs,) = [one for one in STAIRS if one.name == place]
+            assert training in stairs.trainings and friction in stairs.levels and height in stairs.heights
+            return {}
+
+        def gait(self, training, name):
+            assert training in GAITS and name in Gait.__dataclass_fields__
+            return {}
+
+        def life(self, training, name):
+            assert training in WORN and name in Life.__dataclass_fields__
+            return {}
+
     for sentence in SENTENCES:
         if sentence.tests is not None:
             sentence.tests(Asked(Walks(())))
-    assert asked <= set(names)
+    assert asked <= set(names) and {*GAITS, *WORN, *UNDER_LOAD, *ON_ROBOTS} <= set(names)
 
 
 def test_values_of_rows():
@@ -92,6 +119,37 @@ def test_a_sentence_on_learning_is_judged():
     assert counts([*judged.values()]).startswith(f"Of {len(judged)} sentences ")
 
 
+def test_sentences_on_lives_and_estimators_are_judged():
+    """`deception` follows 0.4 more of a life; an objective without a minimum identifies nothing in ten draws."""
+    lives = [
+        Life(name, seed, robot, "vx=0.5", share + 0.01 * seed + 0.001 * (name == "none") * (seed % 2), 0.5)
+        for name, share in (("deception", 0.5), ("none", 0.1))
+        for seed in range(10, 15)
+        for robot in (3000, 3001)
+    ]
+    estimates = [
+        EstimateRow(draw, "Go1", SAMPLED, name, 0.01, None, False, 0.1, 0.0)
+        for draw in range(10)
+        for name in PARAMETERS
+    ]
+    judged = {one.number: one for one in judge(Results(Walks(()), lives=lives, estimates=estimates))}
+    assert judged["27"].outcome == "holds: 5 to 30 %; undecided: 24 to 30 %"
+    assert judged["12"].outcome.startswith("does not hold: I (sampled angle), B (sampled angle)")
+    assert "inf (inf to inf, 10 seeds)" in judged["12"].evidence
+
+
+def test_places_of_better_overall_count_alike():
+    """All of two engines and three of four robots are followed: 5 of 6, at 1 % in an engine for bench on a robot."""
+    rows = [
+        walk_row("none", place, friction, row("vx=0.5", 0.5 * good, 0, 0))
+        for place, friction, good in (
+            *(("physx", "0.01", 1), ("webots", "0.01", 1), ("robot-3000", "bench", 1)),
+            *(("robot-3001", "bench", 1), ("robot-3002", "bench", 1), ("robot-3003", "bench", 0)),
+        )
+    ]
+    assert _overall(Results(Walks(rows)), "none", "bench") == {10: pytest.approx(5 / 6)}
+
+
 def test_curves_are_means_over_ten_iterations():
     """The last, incomplete ten are left out."""
     names = ("walk/tracking_error", "walk/forward_ratio", "walk/backward_ratio")
@@ -112,10 +170,13 @@ def test_a_net_is_of_the_walks_that_its_name_says() -> None:
 
 
 def test_steps_are_in_the_order_of_their_worth(tmp_path):
-    """Existing policies walk first; a net comes before its training."""
+    """Motors and existing policies come first; a net comes before its training, stairs come after it."""
     names = [step.name for step in steps(tmp_path)]
-    assert names[0] == "walk mujoco none" and len(names) == len(set(names))
+    assert names[:2] == ["estimate", "walk mujoco none"] and len(names) == len(set(names))
     assert names.index("net net-s10") < names.index("train net-s10") < names.index("export net-s10")
+    assert names.index("export stairs-net-s12") < names.index("walk stairs-robots stairs-net")
+    assert {"walk gait go1-plain", "walk lives none", "walk lives deception"} <= {*names}
+    assert "walk mujoco stairs-net" not in names and "walk robot-3000 narrow" not in names
 
 
 def test_the_command_judges_what_a_folder_has(tmp_path: Path, capsys):

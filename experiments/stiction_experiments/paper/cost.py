@@ -1,0 +1,59 @@
+"""Processor time of the whole plan, from what a step of a training and a second of a walk take."""
+
+from __future__ import annotations
+
+from stiction.evaluation.course import PATIENCE
+from stiction.evaluation.grid import parse_simulator
+from stiction.files.following import COMMAND_SET
+from stiction.files.velocity import parse_command
+from stiction.learning.arguments import parse
+from stiction.task.terrain import LENGTH
+from stiction_experiments.actuator.config import RUNS
+from stiction_experiments.friction.planned import processor_seconds
+from stiction_experiments.paper import climbs, lives
+from stiction_experiments.paper.plan import GAIT_WALKS, GAITS, PLACES, SECONDS, TRAININGS, VIRTUAL, WORN, Training
+
+ENGINES = {"mujoco": 0.015, "physx": 0.3, "ode-webots": 0.5}
+"""Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once."""
+
+FITTING = 60.0
+"""Processor time of fitting an Actuator Net [s]."""
+
+
+def plan_seconds() -> dict[str, float]:
+    """Return the processor time of every kind of work of the plan [s]."""
+    trained = [training for training in TRAININGS if not training.trained]
+    seeds = {training.name: len(training.seeds) for training in TRAININGS}
+    physx = ENGINES["physx"]
+    crossing = PATIENCE * LENGTH / parse_command(climbs.COMMAND).speed
+    life = lives.life_cfg(VIRTUAL)
+    walks = len(life.robots) * len(life.commands) * (life.wear.seconds + life.window)
+    return {
+        "trainings": sum(len(training.seeds) * training_seconds(training) for training in trained),
+        "nets": sum(len(t.seeds) * (FITTING + RUNS * SECONDS * physx) for t in trained if t.net),
+        "walks": sum(
+            seeds[training.name] * len(place.levels) * len(COMMAND_SET) * place.episodes * SECONDS
+            * _engine(place.engine) * (2 if place.forward and training.name == "none" else 1)
+            for place in PLACES
+            for training in TRAININGS
+            if place.takes(training)
+        ),
+        "stairs": sum(
+            sum(seeds[name] for name in place.trainings) * len(place.levels) * len(place.heights)
+            * place.episodes * max(1, len(place.robots)) * crossing * _engine(place.engine)
+            for place in climbs.STAIRS
+        ),
+        "lives": sum(seeds[name] for name in WORN) * walks * physx,
+        "gaits": sum(seeds[name] for name in GAITS) * GAIT_WALKS * SECONDS * ENGINES["mujoco"],
+    }  # fmt: skip
+
+
+def training_seconds(training: Training) -> float:
+    """Return the processor time of one seed of a training [s], on a net as on sliders."""
+    words = [word for word in training.words if word not in ("--actuator", "{net}")]
+    return processor_seconds(parse(["--preset", training.preset, *words, "--seed", "10"]).config)
+
+
+def _engine(name: str) -> float:
+    """Return the processor time of a second of a walk in an engine, perhaps on a virtual robot [1]."""
+    return ENGINES[parse_simulator(name).engine]
