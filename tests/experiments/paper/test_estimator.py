@@ -31,7 +31,7 @@ def test_an_objective_that_is_the_same_everywhere_has_no_estimate():
 
 
 def test_a_quadratic_objective_is_minimised_and_its_curvature_known():
-    """Of mean (p - c)², all three parameters, the curvature over a relative change of p is 2 truth² / 3."""
+    """The curvature of mean (p - c)² of three parameters, over a relative change of p, is 2 truth² / 3."""
     centre = np.array([0.02, 0.03, 0.5])
     edges = (TRUTH / 10, 10 * TRUTH)
     joint = lowest(lambda p: p - centre, [TRUTH, TRUTH / 3], edges)
