@@ -185,8 +185,8 @@ SENTENCES: tuple[Sentence, ...] = (
     ),
     Sentence(
         *("9", "the loop lengthens training", "N"),
-        "processor time of log, nets and training, `net` over `deception`",
-        lambda r: [_two("time", (r.of_curve(name, "seconds") for name in ("net", "deception")))],
+        "processor time of log, net and training, `net` over `deception-1`",
+        lambda r: [_two("time", (r.of_curve(name, "seconds") for name in ("net", "deception-1")))],
     ),
     Sentence("10", "k_d and B act as one", "J", "", fixed="holds", why="decided on its own page, results/damping"),
     Sentence(

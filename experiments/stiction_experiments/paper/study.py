@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
 
 from stiction_experiments.lab.study import ParallelOptions, Report, Study, Work
 
@@ -40,19 +39,19 @@ def run(options: PaperOptions, work: Work) -> Report:
     from stiction_experiments.paper.gaits import Gait
     from stiction_experiments.paper.lives import Life
     from stiction_experiments.paper.page import report
-    from stiction_experiments.paper.results import Learning, Results
+    from stiction_experiments.paper.results import Results
     from stiction_experiments.paper.rows import WalkRow, Walks
-    from stiction_experiments.paper.work import CurvePoint, do_missing
+    from stiction_experiments.paper.work import CurvePoint, LedgerRow, do_missing, learnings
 
     out = work.begin()
     if options.do:
         do_missing(out, options.do, work.jobs, work.say)
-    areas: dict[tuple[str, int], list[float]] = {}
-    for point in read_rows(out / "curves.csv", CurvePoint, optional=True):
-        areas.setdefault((point.training, point.seed), []).append(point.tracking_error)
     results = Results(
         Walks(read_rows(out / "walks.csv", WalkRow, optional=True)),
-        [Learning(*key, fmean(errors)) for key, errors in areas.items()],
+        learnings(
+            read_rows(out / "curves.csv", CurvePoint, optional=True),
+            read_rows(out / "ledger.csv", LedgerRow, optional=True),
+        ),
         read_rows(out / "stairs.csv", Climbed, optional=True),
         read_rows(out / "gait.csv", Gait, optional=True),
         read_rows(out / "lives.csv", Life, optional=True),

@@ -4,17 +4,20 @@
     OUT/nets/NAME-sSEED       logs and Actuator Net          OUT/walks/PLACE/NAME       walks of all its seeds, a ledger
 
 What is committed is `ledger.csv` and the rows: `walks.csv`, `curves.csv`, `stairs.csv`, `gait.csv`, `lives.csv`,
-`estimator.csv` and `profile.csv`, to which each step adds its own.
+`estimator.csv` and `profile.csv`, to which each step adds its own. Walks in the ledger are done, wherever their
+policies are by now; a policy is trained where one of its walks is missing.
 """
 
 from __future__ import annotations
 
 import resource
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from stiction.core.errors import TrainingError
@@ -49,6 +52,7 @@ from stiction_experiments.paper.plan import (
     Training,
     own_robot,
 )
+from stiction_experiments.paper.results import Learning
 from stiction_experiments.paper.rows import walk_row
 from stiction_experiments.replication.net import WalkedNet, make_net
 
@@ -91,9 +95,9 @@ class Step:
 
     name: str
     """`train none-s10`, `walk physx none`."""
-    product: Path
-    """File or folder that is there when it is done."""
     do: Callable[[], None]
+    product: Path | None = None
+    """File that is there when it is done; None: it is done when it is in the ledger."""
 
 
 def policy_of(training: Training, seed: int, out: Path) -> Path:
@@ -103,24 +107,28 @@ def policy_of(training: Training, seed: int, out: Path) -> Path:
     return out / "policies" / f"{training.name}-s{seed}"
 
 
-def steps(out: Path, jobs: int = 1) -> Iterator[Step]:
-    """Yield every step of the plan, in the order of the trainings' worth; jobs: walks at once."""
-    yield Step("estimate", out / "estimator.csv", partial(_estimate, out))
+def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
+    """Yield every step whose result may be needed, in the order of the trainings' worth.
+
+    done: names of steps in the ledger; jobs: walks at once.
+    """
+    yield Step("estimate", partial(_estimate, out), out / "estimator.csv")
     for training in TRAININGS:
-        for seed in training.seeds:
-            if training.trained:
+        walks = {f"walk {name} {training.name}": (name, walk) for name, walk in _walks(training, out, jobs)}
+        missing = [name for name in walks if name not in done]
+        for seed in training.seeds if missing and not training.trained else ():
+            name, policy = f"{training.name}-s{seed}", policy_of(training, seed, out) / "contract.json"
+            if policy.exists():
                 continue
-            net, name = out / "nets" / f"{training.name}-s{seed}", f"{training.name}-s{seed}"
+            net, run = out / "nets" / name, out / "runs" / name
             if training.net:
-                yield Step(f"net {name}", net / "actuator.npz", partial(_make_net, training, seed, net, out, jobs))
-            run = out / "runs" / name
-            yield Step(f"train {name}", run / "summary.json", partial(_train, training, seed, run, net, out))
-            policy = policy_of(training, seed, out)
-            words = ["export", run, "--out", policy]
-            yield Step(f"export {name}", policy / "contract.json", partial(_program, words, run / "train.log"))
-        for name, walk in _walks(training, out, jobs):
-            folder = out / "walks" / name / training.name
-            yield Step(f"walk {name} {training.name}", folder / "done", partial(_in_folder, folder, walk))
+                yield Step(f"net {name}", partial(_make_net, training, seed, net, out, jobs), net / "actuator.npz")
+            yield Step(f"train {name}", partial(_train, training, seed, run, net, out), run / "summary.json")
+            words = ["export", run, "--out", policy.parent]
+            yield Step(f"export {name}", partial(_program, words, run / "train.log"), policy)
+        for name in missing:
+            place, walk = walks[name]
+            yield Step(name, partial(_in_folder, out / "walks" / place / training.name, walk))
 
 
 def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], None]]]:
@@ -138,10 +146,9 @@ def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Call
 
 
 def _in_folder(folder: Path, walk: Callable[[Path], None]) -> None:
-    """Walk in a folder, and mark it as done."""
+    """Walk in a folder, which is made."""
     make_folder(folder)
     walk(folder)
-    (folder / "done").touch()
 
 
 def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> int:
@@ -150,15 +157,17 @@ def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> i
     Raises `StictionError` at the first that fails; what was done before stays.
     """
     done, revision = 0, str(Origin.now(PACKAGE).provenance["revision"])
-    for step in steps(out, jobs):
+    known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
+    for step in steps(out, known, jobs):
         if done == most:
             break
-        if step.product.exists():
+        if step.product is not None and step.product.exists():
             continue
         say(step.name)
         before = _processor_seconds()
         step.do()
-        _add(out / "ledger.csv", [LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)], ".9g")
+        row = LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)
+        _add(out / "ledger.csv", [row], ("step",), ".9g")
         done += 1
     return done
 
@@ -189,7 +198,7 @@ def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> No
     begin: list[object] = ["train", *preset, *words, "--seed", seed, "--out", run]
     _program(["train", "--resume", run] if (run / "config.json").exists() else begin, run / "train.log")
     metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
-    _add(out / "curves.csv", curve_points(training.name, seed, metrics), ".9g")
+    _add(out / "curves.csv", curve_points(training.name, seed, metrics), ("training", "seed"), ".9g")
 
 
 def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]]) -> list[CurvePoint]:
@@ -201,6 +210,18 @@ def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]
         values = (round(sum(row[name] for row in part) / EVERY, 4) for name in names)
         points.append(CurvePoint(training, seed, begin + EVERY, *values))
     return points
+
+
+def learnings(curves: Sequence[CurvePoint], ledger: Sequence[LedgerRow]) -> list[Learning]:
+    """Return area and processor time of each training: those of its logs and net belong to it."""
+    seconds, areas = dict[str, float](), dict[tuple[str, int], list[float]]()
+    for row in ledger:
+        kind, _, name = row.step.partition(" ")
+        if kind in ("net", "train"):
+            seconds[name] = seconds.get(name, 0.0) + row.seconds
+    for point in curves:
+        areas.setdefault((point.training, point.seed), []).append(point.tracking_error)
+    return [Learning(*key, fmean(own), seconds.get(f"{key[0]}-s{key[1]}")) for key, own in areas.items()]
 
 
 def _make_net(training: Training, seed: int, net: Path, out: Path, jobs: int) -> None:
@@ -218,9 +239,12 @@ def _bundles(training: Training, out: Path) -> list[Bundle]:
     return [check_for_simulation(policy_of(training, seed, out)) for seed in training.seeds]
 
 
-def _add(path: Path, rows: Sequence[Any], form: str = ".4g") -> None:
-    """Add rows, which are of one kind, to a file."""
-    write_rows(path, [*read_rows(path, type(rows[0]), optional=True), *rows], form=form)
+def _add(path: Path, rows: Sequence[Any], same: Sequence[str], form: str = ".4g") -> None:
+    """Add rows, which are of one kind, to a file, in place of those of before with the same values of some fields."""
+    key = attrgetter(*same)
+    replaced = {key(row) for row in rows}
+    before = [row for row in read_rows(path, type(rows[0]), optional=True) if key(row) not in replaced]
+    write_rows(path, [*before, *rows], form=form)
 
 
 def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) -> None:
@@ -232,23 +256,24 @@ def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) 
         for row in rows_of(walk_grid(bundles, cfg, folder / level, jobs), bundles)[0]:
             fed = "+measured" if "+measured" in row.policy else ""
             rows.append(walk_row(training.name + fed, place.name, level, row))
-    _add(out / "walks.csv", rows)
+    _add(out / "walks.csv", rows, ("training", "place"))
 
 
 def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path) -> None:
     """Let all seeds of a training cross stairs in one place, and add their rows."""
-    _add(out / "stairs.csv", climb(training.name, _bundles(training, out), stairs, folder, jobs))
+    rows = climb(training.name, _bundles(training, out), stairs, folder, jobs)
+    _add(out / "stairs.csv", rows, ("training", "place"))
 
 
 def _measure_gait(training: Training, out: Path, folder: Path) -> None:
     """Measure the gait of all seeds of a training, and add their rows; nothing is kept in the folder."""
-    _add(out / "gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS))
+    _add(out / "gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS), ("training",))
 
 
 def _wear(training: Training, out: Path, jobs: int, folder: Path) -> None:
     """Let robots wear under all seeds of a training, and add their lives."""
     policies = [policy_of(training, seed, out) for seed in training.seeds]
-    _add(out / "lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs))
+    _add(out / "lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs), ("training",))
 
 
 def _estimate(out: Path) -> None:

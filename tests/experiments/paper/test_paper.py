@@ -27,7 +27,7 @@ from stiction_experiments.paper.results import Learning, Results
 from stiction_experiments.paper.rows import Walks, walk_row
 from stiction_experiments.paper.sentences import SENTENCES, _overall
 from stiction_experiments.paper.study import STUDY
-from stiction_experiments.paper.work import curve_points, steps
+from stiction_experiments.paper.work import CurvePoint, LedgerRow, curve_points, learnings, steps
 
 
 def row(command: str, *velocity: float, falls: float = 0.0, seed: int = 10) -> ResultRow:
@@ -177,6 +177,23 @@ def test_steps_are_in_the_order_of_their_worth(tmp_path):
     assert names.index("export stairs-net-s12") < names.index("walk stairs-robots stairs-net")
     assert {"walk gait go1-plain", "walk lives none", "walk lives deception"} <= {*names}
     assert "walk mujoco stairs-net" not in names and "walk robot-3000 narrow" not in names
+
+
+def test_what_the_ledger_has_is_not_done_again(tmp_path: Path) -> None:
+    """On a new machine, with rows and ledger alone, no walk is repeated and no policy trained whose walks are done."""
+    every = [step.name for step in steps(tmp_path)]
+    walks = {name for name in every if name.startswith("walk ") and name.endswith((" none", " narrow"))}
+    left = [step.name for step in steps(tmp_path, walks)]
+    assert {*every} - {*left} == walks | {f"{verb} narrow-s{seed}" for verb in ("train", "export") for seed in THREE}
+
+
+def test_the_time_of_a_training_is_that_of_its_net_too() -> None:
+    """Areas 0.5 and 0.3 have a mean of 0.4; 10 s of log and net and 90 s of training are 100 s."""
+    curves = [CurvePoint("net", 10, 10, 0.5, 0.0, 0.0), CurvePoint("net", 10, 20, 0.3, 0.0, 0.0)]
+    ledger = [LedgerRow("net net-s10", 10.0, "a"), LedgerRow("train net-s10", 90.0, "a")]
+    ledger.append(LedgerRow("walk mujoco net", 500.0, "a"))
+    (learning,) = learnings(curves, ledger)
+    assert learning == Learning("net", 10, pytest.approx(0.4), 100.0)
 
 
 def test_the_command_judges_what_a_folder_has(tmp_path: Path, capsys):
