@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from statistics import fmean
 
 from stiction.files.following import judge_row
@@ -129,5 +130,5 @@ def flight(rows: Sequence[WalkRow]) -> float:
 
 
 def standing_speed(rows: Sequence[WalkRow]) -> float:
-    """Return the largest planar speed of the mean while standing is commanded [m/s]."""
-    return max((row.mean_vx**2 + row.mean_vy**2) ** 0.5 for row in rows)
+    """Return the largest planar speed of the mean while standing is commanded [m/s]; infinite after a fall."""
+    return max(inf if row.falls else (row.mean_vx**2 + row.mean_vy**2) ** 0.5 for row in rows)

@@ -1,5 +1,7 @@
 """The plan of the report parses, its rows are judged, and its command goes on where it was."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -96,6 +98,7 @@ def test_values_of_rows():
     assert of.worst_reach([fallen]) == 0.0 and of.fall_rate([fallen]) == pytest.approx(0.1)
     stood = walk_row("none", "mujoco", "0.2", row("stand", 0.03, 0.04, 0.0))
     assert of.standing_speed([stood]) == pytest.approx(0.05) and stood.ratios == ()
+    assert of.standing_speed([stood, replace(stood, falls=0.25)]) == math.inf
 
 
 def test_seeds_count_where_they_walked_everywhere():
@@ -136,6 +139,18 @@ def test_sentences_on_lives_and_estimators_are_judged():
     assert judged["27"].outcome == "holds: 5 to 30 %; undecided: 24 to 30 %"
     assert judged["12"].outcome.startswith("does not hold: I (sampled angle), B (sampled angle)")
     assert "inf (inf to inf, 10 seeds)" in judged["12"].evidence
+
+
+def test_a_training_that_stands_is_told_from_one_that_walks() -> None:
+    """At 0.02 of 0.5 m/s one stands with friction; its like without friction, at 0.45, does not."""
+    walks = [
+        walk_row(name, "mujoco", level, row(command, sign * speed, 0.0, 0.0, seed=seed))
+        for name, level, speed in (("direct-weak", "0.2", 0.02), ("none-weak", "0", 0.45))
+        for command, sign in (("vx=0.5", 1.0), ("vx=-0.5", -1.0))
+        for seed in THREE
+    ]
+    (judged,) = [each for each in judge(Results(Walks(walks))) if each.number == "15"]
+    assert judged.outcome.startswith("holds: direct-weak, none-weak walks; not walked: direct, ")
 
 
 def test_places_of_better_overall_count_alike():
