@@ -19,6 +19,17 @@ def conformal_bound(values: np.ndarray, share: float) -> np.ndarray:
     return np.asarray(np.sort(values, axis=0)[rank - 1])
 
 
+def exact_interval(successes: int, trials: int, share: float = CONFIDENCE) -> Interval:
+    """Return the exact interval of a share (Clopper and Pearson 1934); trials: at least one.
+
+    share: probability with which it holds the true share, at the least.
+    """
+    from scipy.stats import binomtest  # half a second: not where a study has no share
+
+    interval = binomtest(successes, trials).proportion_ci(share, method="exact")
+    return float(interval.low), float(interval.high)
+
+
 def difference_interval(first: Sequence[float], second: Sequence[float], share: float = CONFIDENCE) -> Interval | None:
     """Return Welch's interval of mean(first) - mean(second); None where either has fewer than two points.
 

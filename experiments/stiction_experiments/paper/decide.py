@@ -2,7 +2,8 @@
 
 A `Test` has the values of each training seed. A *difference* of two trainings is judged by a t test, paired where the
 seeds are the same; *no difference* by whether the 90 % interval lies within a margin; what is said of one training
-alone by whether all seeds lie on one side of a bound.
+alone by whether all seeds lie on one side of a bound. A *share* of votes is judged by its exact 95 % interval against
+a bound.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from stiction.core.statistics import Interval, t_interval
-from stiction_experiments.lab.statistics import difference_interval
+from stiction_experiments.lab.statistics import difference_interval, exact_interval
 
 Seeds = Mapping[int, float]
 """Training seed -> value."""
@@ -43,9 +44,10 @@ class Test:
     first: Seeds = field(default_factory=dict)
     second: Seeds = field(default_factory=dict)
     """Values of the training that the first is compared with; empty: the first alone, with a bound."""
-    kind: Literal["larger", "noticeable", "same", "above", "below"] = "larger"
+    kind: Literal["larger", "noticeable", "same", "above", "below", "share"] = "larger"
     """`larger`: first over second; `noticeable`: by more than `MARGIN`, or by what the interval leaves open beyond it;
-    `same`: within `MARGIN`; `above`, `below`: every seed of the first, of `bound`."""
+    `same`: within `MARGIN`; `above`, `below`: every seed of the first, of `bound`; `share`: ones among the
+    first, votes of 0 and 1, are fewer than `bound`."""
     bound: float = 0.0
     about: str = ""
     """Names of both, for the evidence: `none, deception`."""
@@ -53,7 +55,7 @@ class Test:
     @property
     def walked(self) -> bool:
         """True if there are values enough."""
-        return len(self.first) >= FEWEST and (self.kind in ("above", "below") or len(self.second) >= FEWEST)
+        return len(self.first) >= FEWEST and (self.kind in ("above", "below", "share") or len(self.second) >= FEWEST)
 
     @property
     def differences(self) -> np.ndarray:
@@ -75,7 +77,12 @@ class Test:
         return float(stats.ttest_ind([*self.first.values()], [*self.second.values()], equal_var=False).pvalue)
 
     def interval(self, share: float) -> Interval:
-        """Return the interval of the mean difference that holds it with a probability of `share`; `walked` is True."""
+        """Return the interval of the mean difference, or of the share of votes; `walked` is True.
+
+        share: probability with which it holds the true one.
+        """
+        if self.kind == "share":
+            return exact_interval(int(sum(self.first.values())), len(self.first), share)
         if self.paired:
             interval = t_interval(self.differences.tolist(), share)
         else:
@@ -98,7 +105,11 @@ class Decision:
         """Numbers behind it: `0.93 and 0.71, difference 0.22 [0.15, 0.29], p 0.002`."""
         test = self.test
         if not test.walked:
-            return f"{test.label}: {len(test.first)} seeds"
+            return f"{test.label}: {len(test.first)} {'votes' if test.kind == 'share' else 'seeds'}"
+        if test.kind == "share":
+            low, high = test.interval(0.95)
+            yes, votes = sum(test.first.values()), len(test.first)
+            return f"{test.label}: {yes:.0f} of {votes}, share {yes / votes:.2f} [{low:.2f}, {high:.2f}]"
         text = f"{test.label}: {spread_text(test.first)}"
         if test.second:
             low, high = test.interval(0.9 if test.kind in ("same", "noticeable") else 0.95)
@@ -139,6 +150,9 @@ def _outcome(test: Test, p: float | None) -> Outcome:
             return "holds" if test.kind == "same" else "does not hold"
         if test.kind == "same":
             return "does not hold" if high < -MARGIN or low > MARGIN else "undecided"
+    if test.kind == "share":
+        low, high = test.interval(0.95)
+        return "holds" if high < test.bound else "does not hold" if low > test.bound else "undecided"
     if p is not None:
         if p >= SIGNIFICANT:
             return "undecided"

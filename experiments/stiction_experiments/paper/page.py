@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, new_figure
 from stiction_experiments.lab.study import Report
+from stiction_experiments.paper.configurations import Configuration, shares
 from stiction_experiments.paper.decide import Decision, decide, joined
 from stiction_experiments.paper.estimator import PARAMETERS, ProfileRow
 from stiction_experiments.paper.plan import LEVELS, MAIN
@@ -76,11 +77,13 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
         ("#", "sentence", "asked", "outcome", "evidence"),
         tuple((row.number, row.sentence, row.asked, row.outcome, row.evidence) for row in rows),
     )
+    public = [counted(results.configurations)] if results.configurations else []
     lead = counts(rows)
     alt = "share of commands followed over friction, by training and place"
     sections = [
         *([Section("Who follows where", (figure_block(figure, alt),))] if figure else []),
         *([Section("The printed estimator", (figure_block(profiles, PROFILE),))] if profiles else []),
+        *(Section(sheet.title, (sheet.html(),)) for sheet in public),
         Section("The sentences", (table.html(),)),
     ]
     return Report(
@@ -88,7 +91,7 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
         lead,
         {"sentences": rows},
         sections=sections,
-        sheets=(table,),
+        sheets=(*public, table),
         figures={"followed": figure, "profile": profiles},
         answer=(lead,),
     )
@@ -114,6 +117,19 @@ def profile_figure(rows: Sequence[ProfileRow]) -> Figure | None:
     axes[0].set_ylabel("root mean square [rad]")
     legend(axes[-1])
     return figure
+
+
+def counted(rows: Sequence[Configuration]) -> Sheet:
+    """Return the table of the share of joint friction, by the way to count; the first two decide."""
+    titles = ("counted", "yes", "of", "share [%]", "95 % interval [%]")
+    cells = [
+        (
+            *(each.counted, str(each.yes), str(each.repositories), f"{100 * each.yes / each.repositories:.0f}"),
+            f"{100 * each.low:.0f} to {100 * each.high:.0f}",
+        )
+        for each in shares(rows)
+    ]
+    return Sheet("Public configurations that randomise joint friction", titles, tuple(cells))
 
 
 PANELS = (("MuJoCo", ("mujoco",)), ("PhysX", ("physx",)), ("Webots' ODE", ("webots",)))

@@ -8,6 +8,7 @@ from statistics import fmean
 from typing import Any
 
 from stiction_experiments.paper.climbs import Climbed
+from stiction_experiments.paper.configurations import Configuration
 from stiction_experiments.paper.decide import Seeds
 from stiction_experiments.paper.estimator import EstimateRow
 from stiction_experiments.paper.gaits import Gait
@@ -39,6 +40,7 @@ class Results:
     gaits: Sequence[Gait] = ()
     lives: Sequence[Life] = ()
     estimates: Sequence[EstimateRow] = ()
+    configurations: Sequence[Configuration] = ()
 
     def at(self, value: Value, training: str, place: str | Sequence[str], friction: str, *commands: str) -> Seeds:
         """Return seed -> value in a place, or the mean over several."""

@@ -9,6 +9,7 @@ from typing import Literal
 
 from stiction.files.results import FOLLOWS
 from stiction_experiments.paper import rows as of
+from stiction_experiments.paper.configurations import votes
 from stiction_experiments.paper.decide import Outcome, Seeds, Test
 from stiction_experiments.paper.estimator import MODELLED, PARAMETERS, SAMPLED
 from stiction_experiments.paper.plan import ROBOT_LEVELS, SEALED, UNSEALED, VIRTUAL, own_robot
@@ -195,6 +196,14 @@ SENTENCES: tuple[Sentence, ...] = (
         lambda r: [_two("time", (r.of_curve(name, "seconds") for name in ("net", "deception-1")))],
     ),
     Sentence("10", "k_d and B act as one", "J", "", fixed="holds", why="decided on its own page, results/damping"),
+    Sentence(
+        *("11", "static friction is usually not randomised", "J"),
+        "share of public configurations of legged locomotion that randomise joint friction, under one half",
+        lambda r: [
+            Test(label, votes(r.configurations, then), kind="share", bound=0.5)
+            for label, then in (("all", False), ("in 2024", True))
+        ],
+    ),
     Sentence(
         *("12", "min MSE(reference − measured) identifies I, B, b", "J"),
         "relative error at most 0.2, every draw of a motor",
@@ -433,7 +442,7 @@ SENTENCES: tuple[Sentence, ...] = (
         lambda r: [_two(name, (r.gait(n, "sway") for n in (name, "none"))) for name in ("go1-plain", "go2-plain")],
     ),
 )
-"""Sentences decided by walks, curves, stairs, gaits, lives and estimators; 11 has rows of its own."""
+"""Sentences decided by walks, curves, stairs, gaits, lives, estimators and public configurations."""
 
 
 def by_family(results: Results) -> Mapping[Family, list[tuple[Sentence, list[Test]]]]:

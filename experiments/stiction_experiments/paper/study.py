@@ -35,6 +35,7 @@ def run(options: PaperOptions, work: Work) -> Report:
     """Do what is missing, as far as it is asked for, and judge all rows."""
     from stiction.core.records import read_rows
     from stiction_experiments.paper.climbs import Climbed
+    from stiction_experiments.paper.configurations import Configuration
     from stiction_experiments.paper.estimator import EstimateRow, ProfileRow
     from stiction_experiments.paper.gaits import Gait
     from stiction_experiments.paper.lives import Life
@@ -56,6 +57,7 @@ def run(options: PaperOptions, work: Work) -> Report:
         read_rows(out / "gait.csv", Gait, optional=True),
         read_rows(out / "lives.csv", Life, optional=True),
         read_rows(out / "estimator.csv", EstimateRow, optional=True),
+        read_rows(out / "configurations.csv", Configuration, optional=True),
     )
     return report(results, read_rows(out / "profile.csv", ProfileRow, optional=True))
 
