@@ -65,13 +65,13 @@ def ordered(rows: Sequence[OnsetRow]) -> list[OnsetRow]:
     )
 
 
-def conditions_of(rows: Sequence[OnsetRow], reading: str = "onset", fewest: int = FEWEST) -> dict[str, list[OnsetRow]]:
+def conditions_of(rows: Sequence[OnsetRow], reading: str = "onset") -> dict[str, list[OnsetRow]]:
     """Return the conditions that have enough seeds with an onset."""
     by_robot: dict[str, list[OnsetRow]] = {}
     for row in rows:
         if row.method == "none" and row.robot in CONDITIONS and getattr(row, reading) is not None:
             by_robot.setdefault(row.robot, []).append(row)
-    return {name: own for name, own in by_robot.items() if len(own) >= fewest}
+    return {name: own for name, own in by_robot.items() if len(own) >= FEWEST}
 
 
 def on_axis(rows: Sequence[OnsetRow], axis: str, reading: str = "onset") -> float:
@@ -111,11 +111,8 @@ def choose(conditions: Onsets, reading: str = "onset", samples: int = SAMPLES) -
 
 
 def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
-    """Return the choice by the onset, or by the relative one where more conditions have that; None of under two.
-
-    While a condition has a single seed, all count with what they have.
-    """
-    each = {reading: conditions_of(rows, reading, 1) for reading in ("onset", "relative_onset")}
+    """Return the choice by the onset, or by the relative one where more conditions have that; None of under two."""
+    each = {reading: conditions_of(rows, reading) for reading in ("onset", "relative_onset")}
     reading = max(each, key=lambda name: len(each[name]))
     return choose(each[reading], reading) if len(each[reading]) > 1 else None
 

@@ -172,8 +172,9 @@ JITTERS = (("vx=1", 2.0), ("vx=-1", 4.0))
 def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     """Two robots have a relative onset, one of them no other: the relative one counts, on the axis where they agree."""
     rows = [
-        replace(a_row("saturn_lite", 10, 0.1, 0.4), relative_onset=0.1),
-        replace(a_row("go1", 10, None, 0.8), relative_onset=0.05),
+        replace(a_row(robot, seed, onset, factor), relative_onset=relative)
+        for robot, onset, factor, relative in (("saturn_lite", 0.1, 0.4, 0.1), ("go1", None, 0.8, 0.05))
+        for seed in (10, 11)
     ]
     reaches = [ReachRow(row.policy, 0.0, command, 0.9, 0, jitter) for row in rows for command, jitter in JITTERS]
     choice = best_choice(rows)
@@ -181,8 +182,8 @@ def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     evidence = evidence_of(choice, reaches, {"command": "stiction study onset", "revision": "1"})
     assert (evidence.axis, evidence.relative) == ("dead_band_worst", True)
     assert [(one.robot, one.feet, one.onsets) for one in evidence.conditions] == [
-        ("saturn_lite", 6, (0.1,)),
-        ("go1", 4, (0.05,)),
+        ("saturn_lite", 6, (0.1, 0.1)),
+        ("go1", 4, (0.05, 0.05)),
     ]
-    assert evidence.conditions[0].jitter == (3.0,)
+    assert evidence.conditions[0].jitter == (3.0, 3.0)
     assert evidence.middles(evidence.axis) == pytest.approx([0.04, 0.04])
