@@ -15,6 +15,7 @@ from stiction.deploy.observation import Sensors
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.files.results import read_results
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.robots.catalog import find_robot
 from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.task.friction import FrictionCfg
 
@@ -22,7 +23,7 @@ torch = pytest.importorskip("torch", reason="the package torch, of the extra 'tr
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
 
 from stiction.evaluation.export import TrainedPolicy, contract_of  # noqa: E402
-from stiction.evaluation.newest import LatentPolicy, observed_friction  # noqa: E402
+from stiction.evaluation.newest import LatentPolicy, observed_friction, privileged_of  # noqa: E402
 from stiction.learning.run import RunDirectory  # noqa: E402
 from stiction.learning.runner import load_actor, train  # noqa: E402
 from stiction.task.env import LocomotionEnv  # noqa: E402  (needs torch)
@@ -89,6 +90,20 @@ def test_the_driver_acts_as_training_does(run: RunDirectory, who: str) -> None:
         driver.reset(dones.numpy())
         resets += int(dones.sum())
     assert resets >= 6
+
+
+@pytest.mark.parametrize(("unit", "entry"), [(0.1, 0.2), (0.01, 2.0)])
+def test_a_teacher_is_told_friction_in_the_unit_of_its_training(
+    run: RunDirectory, unit: float, entry: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2 % of the limit is 0.2 in units of 10 %, and 2 in units of 1 %."""
+    cfg = run.config()
+    friction = replace(cfg.task.friction, privileged_unit=unit)
+    monkeypatch.setattr(RunDirectory, "config", lambda _: replace(cfg, task=replace(cfg.task, friction=friction)))
+    robot = find_robot(cfg.task.robot)
+    contract, present = contract_of(cfg, run.header()), np.full((2, robot.num_joints), 0.02)
+    observed = privileged_of(run, load_actor(run, "teacher"), contract, robot, present)
+    np.testing.assert_allclose(observed[:, -robot.num_joints :], entry, rtol=1e-6)
 
 
 def test_a_teacher_is_told_what_its_training_varied() -> None:

@@ -36,6 +36,11 @@ REFUSED = [
         "--set student.estimator_weight",
         "--student.algorithm distill",
     ),
+    (
+        "--student.algorithm ppo --set student.both_ways=true",
+        "--set student.both_ways",
+        "--student.algorithm distill",
+    ),
     ("--teacher.latent groups --set teacher.alternate=2", "--set teacher.alternate", "--teacher.latent alternate"),
     ("--preset full --set teacher.alternate=20", "--set teacher.alternate", "--teacher.latent alternate"),
     ("--set teacher.student_share=0.5", "--set teacher.student_share", "--teacher.latent groups"),
@@ -46,6 +51,7 @@ REFUSED = [
     ),
     ("--set network.terrain=[32]", "--set network.terrain", "--terrain slopes, rough, stairs or mixed"),
     ("--set network.terrain_latent=8", "--set network.terrain_latent", "--terrain slopes, rough, stairs or mixed"),
+    ("--set network.terrain_loss=false", "--set network.terrain_loss", "--terrain slopes, rough, stairs or mixed"),
     ("--set task.terrain.levels=5", "--set task.terrain.levels", "--terrain slopes, rough, stairs or mixed"),
     ("--set task.terrain.speed=[0.3,0.4]", "--set task.terrain.speed", "--terrain slopes, rough, stairs or mixed"),
     ("--preset full --teacher.quiet 20 --teacher.iterations 3", "--teacher.quiet", "--teacher.iterations 4 or more"),
@@ -65,6 +71,16 @@ REFUSED = [
         "--method none --task.friction.per joint",
         "--task.friction.per",
         "friction in training, such as --task.friction.range 0 1.2",
+    ),
+    (
+        "--method none --set task.friction.privileged_unit=0.01",
+        "--set task.friction.privileged_unit",
+        "friction in training",
+    ),
+    (
+        "--set task.randomization.center_of_mass=[0,0] --set task.randomization.center_of_mass_axes=forward",
+        "--set task.randomization.center_of_mass_axes",
+        "--set task.randomization.center_of_mass other than 0",
     ),
     (
         "--method none --set task.friction.steps=2",
@@ -172,6 +188,8 @@ ACCEPTED = [
     "--set teacher.alternate=20 --set network.privileged=[32] --set teacher.adaptation_passes=2",
     "--teacher.latent groups --set network.privileged=[32] --set teacher.student_share=0.5",
     "--terrain stairs --set task.terrain.levels=5 --set network.terrain=[32] --set network.terrain_latent=8",
+    "--terrain stairs --set network.terrain_loss=false --set student.both_ways=true --set network.critic_history=true",
+    "--set task.friction.privileged_unit=0.01 --set task.randomization.center_of_mass_axes=forward",
     "--preset full --set teacher.adaptation_learning_rate=0.002 --set teacher.adaptation_batches=2 "
     "--set network.latent=16 --set network.recurrent=true --symmetry half",
     "--preset full --method dreamwaq --set dreamwaq.free_bits=0.1 --set teacher.adaptation_passes=2",

@@ -68,6 +68,47 @@ def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
     )
 
 
+def test_the_adaptation_loss_both_ways_by_hand(env: LocomotionEnv, tmp_path) -> None:
+    """L_ada of z = 1 and z* = 3, three entries, is 4; its gradient is 4/3 at each z*, and -4/3 or none at each z."""
+    actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
+    encoders = {1.0: actor.privileged_encoder, 3.0: actor.adaptation}
+    for value, encoder in encoders.items():
+        for parameter in encoder.parameters():
+            parameter.data.zero_()
+        [*encoder.parameters()][-1].data.fill_(value)
+    for both_ways in (False, True):
+        actor.zero_grad()
+        loss = actor.supervised_losses(obs, both_ways=both_ways)["adaptation"]
+        loss.backward()
+        at_z, at_star = ([*encoder.parameters()][-1].grad for encoder in encoders.values())
+        assert loss.item() == pytest.approx(4.0) and at_star.tolist() == pytest.approx([4 / 3] * 3)
+        assert at_z.tolist() == pytest.approx([-4 / 3] * 3) if both_ways else at_z is None
+
+
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_the_student_trains_its_copy_of_z_only_both_ways(both_ways: bool, env: LocomotionEnv, tmp_path) -> None:
+    """L_ada of the second phase reaches the student's privileged encoder, and never the teacher's."""
+    cfg = replace(CFG, student=replace(CFG.student, both_ways=both_ways))
+    runner, teacher = phase(env, tmp_path, "student", cfg), phase(env, tmp_path)
+    runner.alg.warm_start(teacher.alg.get_policy().state_dict(), {})
+    before = [p.detach().clone() for p in runner.alg.teacher.privileged_encoder.parameters()]
+    runner.iterate()
+    for actor, moves in ((runner.alg.student, both_ways), (runner.alg.teacher, False)):
+        now = actor.privileged_encoder.parameters()
+        assert any(not torch.equal(a, b) for a, b in zip(before, now, strict=True)) == moves
+
+
+@pytest.mark.parametrize("critic_history", [False, True])
+def test_the_critic_sees_the_history_where_it_is_told(critic_history: bool, env: LocomotionEnv, tmp_path) -> None:
+    """Go1: a frame of 47, o_priv of 38, o_exp of 7; with the history eleven frames more."""
+    cfg = replace(CFG, network=replace(CFG.network, critic_history=critic_history))
+    critic, obs = phase(env, tmp_path, cfg=cfg).alg.critic, env.get_observations()
+    assert critic.latent_dim == 47 + 38 + 7 + 11 * 47 * critic_history
+    other = obs.clone()
+    other["history"] = other["history"] + 1.0
+    assert torch.equal(critic(obs), critic(other)) != critic_history
+
+
 def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:
     """Keeps unmeasured quantities out of the action, and on z* the privileged state too."""
     actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()

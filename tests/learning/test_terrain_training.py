@@ -44,9 +44,9 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.manual_seed(0)
 
 
-def phase(tmp_path: Path, name: str) -> PhaseRunner:
+def phase(tmp_path: Path, name: str, cfg: TrainCfg = CFG) -> PhaseRunner:
     """A runner of one phase, on mixed ground."""
-    return phase_runner(CFG, tmp_path, name)
+    return phase_runner(cfg, tmp_path, name)
 
 
 def test_the_teacher_sees_the_ground_and_the_student_does_not(tmp_path: Path) -> None:
@@ -64,6 +64,28 @@ def test_the_teacher_sees_the_ground_and_the_student_does_not(tmp_path: Path) ->
     assert not torch.equal(teacher.actor(obs), teacher.actor(other))
     assert not torch.equal(teacher.critic(obs), teacher.critic(other))
     assert not torch.equal(student.teacher(obs), student.teacher(other))
+
+
+@pytest.mark.parametrize("terrain_loss", [True, False])
+def test_the_history_learns_the_ground_from_its_loss_or_from_cloning(tmp_path: Path, terrain_loss: bool) -> None:
+    """L_hist = MSE(e_t*, f_hist(o_H)) trains f_hist in both phases; without it the first leaves it as it began."""
+    cfg = replace(CFG, network=replace(CFG.network, terrain_loss=terrain_loss))
+    teacher, student = phase(tmp_path, "teacher", cfg), phase(tmp_path, "student", cfg)
+    actor, obs = teacher.alg.actor, teacher.env.get_observations()
+    losses = actor.supervised_losses(obs)
+    assert ("terrain" in losses) == terrain_loss
+    if terrain_loss:
+        error = actor.terrain_history(obs["history"]) - actor.terrain_encoder(obs["elevation"])
+        torch.testing.assert_close(losses["terrain"], error.square().sum() / error.numel())
+    first = [p.detach().clone() for p in actor.terrain_history.parameters()]
+    figures = teacher.iterate()
+    moved = [p.detach().clone() for p in actor.terrain_history.parameters()]
+    assert ("loss/terrain" in figures) == terrain_loss
+    assert any(not torch.equal(a, b) for a, b in zip(first, moved, strict=True)) == terrain_loss
+    student.alg.warm_start(actor.state_dict(), {})
+    assert ("loss/terrain" in student.iterate()) == terrain_loss
+    now = student.alg.student.terrain_history.parameters()
+    assert any(not torch.equal(a, b) for a, b in zip(moved, now, strict=True))
 
 
 def test_a_run_on_terrain_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -98,6 +99,24 @@ def test_privileged_observation_is_what_was_drawn() -> None:
     np.testing.assert_allclose((privileged[:, 2:14] * 0.2 + 1.0) * 0.0121, fleet.armature, atol=1e-7)
     np.testing.assert_allclose((privileged[:, 14:26] * 0.2 + 1.0) * 0.0342, fleet.damping, atol=1e-7)
     np.testing.assert_allclose(privileged[:, 26:] * 0.1 * fleet.torque_limit, fleet.friction, atol=1e-5)
+
+
+@pytest.mark.parametrize(("unit", "entry"), [(0.1, 0.12), (0.01, 1.2)])
+def test_privileged_friction_has_its_unit(unit: float, entry: float) -> None:
+    """1.2 times 1 % of the limit is 0.12 in units of 10 %, and 1.2 in units of 1 %; nothing else changes."""
+    env = make(friction=FrictionCfg("direct", level=0.01, range=(1.2, 1.2), privileged_unit=unit))
+    np.testing.assert_allclose(env.get_observations()["privileged"][:, 26:], entry, rtol=1e-6)
+    np.testing.assert_allclose(env.fleet.friction / env.fleet.torque_limit, 0.012, rtol=1e-6)
+    with pytest.raises(ConfigurationError, match=r"privileged_unit: got 0, expected 0\.001 to 1"):
+        FrictionCfg(privileged_unit=0.0)
+
+
+@pytest.mark.parametrize(("axes", "shift"), [("all", (0.25, 0.25 * 0.26 / 0.7, 0.05)), ("forward", (0.25, 0.0, 0.0))])
+def test_the_centre_of_mass_moves_along_its_axes(axes: Literal["all", "forward"], shift: tuple[float, ...]) -> None:
+    """A trunk of 0.7 x 0.26 x 0.14 m: 0.25 m forward, in proportion sideways and up, or forward alone."""
+    drawn = RandomizationCfg(center_of_mass=(0.25, 0.25), center_of_mass_axes=axes)
+    env = make("saturn_lite", randomization=drawn)
+    np.testing.assert_allclose(env.randomizer.draws.center_of_mass, np.tile(shift, (4, 1)), atol=1e-7)
 
 
 @pytest.mark.parametrize("law", ["load", "effort"])

@@ -12,7 +12,10 @@ from stiction.files.contract import Contract
 from stiction.files.method import Method
 from stiction.learning.config import NetworkCfg, TeacherCfg, TrainCfg, check_counts
 
-REPLACED = ("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "latent")
+REPLACED = (
+    *("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "terrain_loss"),
+    "latent",
+)
 """Fields of `NetworkCfg` that DreamWaQ's networks take the place of."""
 
 SIZES, LAYERS = ("code", "frame"), ("encoder", "decoder")

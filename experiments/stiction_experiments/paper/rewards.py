@@ -1,4 +1,6 @@
-"""Tracking rewards that pay nothing for standing: kernels of width 0.006 in place of 0.1 and 0.25."""
+"""Rewards of the report: tracking that pays nothing for standing (kernels of width 0.006 in place of 0.1 and 0.25), and
+the paper's two gait rewards as printed, whatever is commanded.
+"""
 
 from __future__ import annotations
 
@@ -21,3 +23,13 @@ def sharp_linear(s: Snapshot) -> torch.Tensor:
 def sharp_angular(s: Snapshot) -> torch.Tensor:
     """Return exp(-(ω_z - ω*_z)² / 0.006), shape (N,)."""
     return (-(s.command[:, 2] - s.angular_velocity[:, 2]).square() / WIDTH).exp()
+
+
+def printed_trot(s: Snapshot) -> torch.Tensor:
+    """Return r_trot, also while standing is commanded, shape (N,)."""
+    return s.one_group.float()
+
+
+def printed_unsync(s: Snapshot) -> torch.Tensor:
+    """Return r_unsync as a share of its maximum, also while standing is commanded, shape (N,)."""
+    return s.unsync

@@ -15,6 +15,7 @@ import subprocess
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 from operator import attrgetter
 from pathlib import Path
 from statistics import fmean
@@ -58,6 +59,9 @@ from stiction_experiments.replication.net import WalkedNet, make_net
 
 COHORT = Path("results/following/policies")
 """Policies that were trained before, as `coulomb20-cohort-NAME-sSEED`, in the working folder."""
+
+REWARDS = "--task.rewards.own"
+"""Option of reward terms that are named as modules."""
 
 EVERY = 10
 """Iterations over which a point of a learning curve is the mean."""
@@ -196,9 +200,18 @@ def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> No
     words = [str(net) if word == "{net}" else word for word in training.words]
     preset = ["--preset", training.preset, "--video-every", "0"]
     begin: list[object] = ["train", *preset, *words, "--seed", seed, "--out", run]
-    _program(["train", "--resume", run] if (run / "config.json").exists() else begin, run / "train.log")
+    resume: list[object] = ["train", "--resume", run, *reward_words(words)]
+    _program(resume if (run / "config.json").exists() else begin, run / "train.log")
     metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
     _add(out / "curves.csv", curve_points(training.name, seed, metrics), ("training", "seed"), ".9g")
+
+
+def reward_words(words: Sequence[str]) -> list[str]:
+    """Return the words of a training that `--resume` wants again: those that name reward terms."""
+    if REWARDS not in words:
+        return []
+    first, *more = words[words.index(REWARDS) :]
+    return [first, *takewhile(lambda word: not word.startswith("--"), more)]
 
 
 def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]]) -> list[CurvePoint]:

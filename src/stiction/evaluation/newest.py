@@ -89,7 +89,8 @@ def privileged_of(
         )
     nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
     present = nominal[None] if present is None else present
-    return nominal_privileged(observed_friction(run.config().task.friction, nominal, present))
+    friction = run.config().task.friction
+    return nominal_privileged(observed_friction(friction, nominal, present), friction.privileged_unit)
 
 
 def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:

@@ -34,7 +34,6 @@ MAY_BE_NONE = ("student.iterations", "teacher.quiet", "network.latent")
 
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
-
 MOST_LAYERS = 10
 
 TORCH, SIMULATED, COPIES, BESIDE = 350e6, 50e3, 4, 500
@@ -53,7 +52,6 @@ EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
 SymmetryName = Literal["none", "batches", "half", "network"]
 LoggerName = Literal["tensorboard", "wandb", "trackio"]
 
-
 LATENT = needs("--set network.latent above 0", lambda cfg: cfg.latent > 0)
 """Requirement of settings of f_ada."""
 
@@ -66,6 +64,8 @@ class NetworkCfg:
     """Hidden layers of the actor."""
     critic: tuple[int, ...] = (256, 128)
     """Hidden layers of the critic."""
+    critic_history: bool = False
+    """True if the critic sees o_H too, as in the paper; its present frame is the last of o_H."""
     privileged: tuple[int, ...] = field(default=(64,), metadata=needs("--teacher.latent alternate or groups"))
     """Hidden layers of f_ada of the teacher, privileged observation -> z."""
     history_frame: int = field(default=24, metadata=LATENT)
@@ -83,6 +83,8 @@ class NetworkCfg:
     """Hidden layers of the encoder of the elevation map."""
     terrain_latent: int = field(default=16, metadata=needs(UNEVEN))
     """Size of e_t*."""
+    terrain_loss: bool = field(default=True, metadata=needs(UNEVEN))
+    """True if L_hist = MSE(e_t*, f_hist(o_H)) trains f_hist in both phases; False: L_clone alone, as in the paper."""
     latent: int = 16
     """Size of z and z*; 0: the policy of one phase sees the present frame and its estimates alone."""
     initial_std: float = 0.8
@@ -173,6 +175,8 @@ class StudentCfg:
     """Learning rate, fixed in distillation, the first one in PPO."""
     adaptation_weight: float = field(default=0.1, metadata=DISTILLED)
     """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
+    both_ways: bool = field(default=False, metadata=DISTILLED)
+    """True if L_ada trains the student's copy of the privileged encoder too. The teacher that is cloned stays."""
     estimator_weight: float = field(default=0.5, metadata=DISTILLED)
     """Weight of L_est beside L_clone."""
 
@@ -403,20 +407,16 @@ class TrainCfg:
                 f"learning rates {rates}, seed {self.seed}: expected positive rates of at most 1 and a seed of at "
                 "least 0"
             )
-        shares = {name: getattr(teacher, name) for name in ("desired_kl", "gamma", "gae_lambda")}
-        weights = {f"teacher.{name}": getattr(teacher, name) for name in ("entropy",)}
-        weights |= {f"student.{name}": getattr(student, name) for name in ("adaptation_weight", "estimator_weight")}
-        for name, share in shares.items():
-            if not 0 < share <= 1:
+        for name in ("desired_kl", "gamma", "gae_lambda"):
+            if not 0 < (share := getattr(teacher, name)) <= 1:
                 raise ConfigurationError(f"teacher.{name} is {share}; expected more than 0 and at most 1")
-        for name, weight in weights.items():
-            if weight < 0:
+        for name in ("teacher.entropy", "student.adaptation_weight", "student.estimator_weight"):
+            if (weight := attrgetter(name)(self)) < 0:
                 raise ConfigurationError(f"{name} is {weight}; expected at least 0")
 
     def _check_phases(self) -> None:
         """Reject settings of the phases that contradict each other."""
-        teacher, student = self.teacher, self.student
-        one_phase = self.method.one_phase
+        teacher, student, one_phase = self.teacher, self.student, self.method.one_phase
         if one_phase and (teacher.latent != "history" or student.iterations):
             raise ConfigurationError(
                 f"the method {self.task.friction.method!r} learns in one phase, not with --teacher.latent "

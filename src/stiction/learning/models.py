@@ -91,7 +91,7 @@ class RMAActor(MLPModel):
 
     def _plan(self, size: dict[str, int], network: NetworkCfg) -> None:
         """Find the size of the actor's input; `size`: of every observation group."""
-        self.sees_terrain = ELEVATION in size
+        self.sees_terrain, self.terrain_loss = ELEVATION in size, network.terrain_loss
         self.latent_dim = size["proprioception"] + size["explicit"] + network.latent
         self.latent_dim += network.terrain_latent * self.sees_terrain
 
@@ -164,7 +164,7 @@ class RMAActor(MLPModel):
         """Return L_ada = MSE(z, z*) where PPO does not train z*, L_est, and on terrain L_hist = MSE(e_t*, f_hist(o_H)).
 
         L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the velocity, else 1. e_t* and, unless
-        `both_ways`, z are held fixed.
+        `both_ways`, z are held fixed. Without `NetworkCfg.terrain_loss` there is no L_hist.
         """
         losses = {}
         if not self.adapts:
@@ -173,7 +173,7 @@ class RMAActor(MLPModel):
         error = (self.estimator(obs["history"]) - obs["explicit"]).square()
         more = (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
         losses["estimator"] = error.mean() + more
-        if self.sees_terrain:
+        if self.sees_terrain and self.terrain_loss:
             with torch.no_grad():
                 target = self.terrain_encoder(obs[ELEVATION])
             losses["terrain"] = nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
@@ -200,13 +200,13 @@ class RMAActor(MLPModel):
 
 
 class RMACritic(MLPModel):
-    """V(s_t): sees the present frame and all that is privileged, and so needs no history."""
+    """V(s_t): sees the present frame, all that is privileged, and with `NetworkCfg.critic_history` o_H."""
 
     def __init__(
         self, obs: TensorDict, obs_groups: dict[str, list[str]], obs_set: str, output_dim: int, network: NetworkCfg
     ) -> None:
         """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
-        self.seen = [name for name in obs_groups[obs_set] if name != "history"]
+        self.seen = [name for name in obs_groups[obs_set] if name != "history" or network.critic_history]
         self.latent_dim = sum(obs[name].shape[-1] for name in self.seen)
         super().__init__(obs, obs_groups, obs_set, output_dim, network.critic, "elu")
 

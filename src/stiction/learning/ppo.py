@@ -268,7 +268,7 @@ class StudentDistillation(Distillation):
                 if self.symmetry is not None:
                     batch, wanted = self.symmetry.supervised(batch, wanted)
                 losses = {"clone": self.loss_fn(self.student(batch), wanted)}
-                losses |= self.student.supervised_losses(batch, self.velocity_weight)
+                losses |= self.student.supervised_losses(batch, self.velocity_weight, settings.both_ways)
                 loss = losses["clone"] + settings.adaptation_weight * losses["adaptation"]
                 loss = loss + settings.estimator_weight * losses["estimator"]
                 if "terrain" in losses:

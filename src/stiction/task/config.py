@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError
@@ -72,6 +72,11 @@ class RandomizationCfg:
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
     """Shift of the trunk's centre of mass forward [m], for a trunk as long as that of the paper's robot; sideways, up,
     and on other trunks in proportion."""
+    center_of_mass_axes: Literal["all", "forward"] = field(
+        default="all",
+        metadata=needs("--set task.randomization.center_of_mass other than 0", lambda cfg: any(cfg.center_of_mass)),
+    )
+    """Axes of that shift: all three, or forward and back alone; the paper's table has one range and names no axis."""
     push_interval: float = field(
         default=8.0, metadata=needs("--set task.randomization.push_velocity above 0", lambda cfg: cfg.push_velocity > 0)
     )

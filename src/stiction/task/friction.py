@@ -91,6 +91,8 @@ class FrictionCfg:
     )
     """Speed at which 63 % of the excess at rest is gone [rad/s], for the law `stribeck`; or lowest and highest, as
     above."""
+    privileged_unit: float = field(default=0.1, metadata=needs("friction in training", lambda cfg: cfg.has_friction))
+    """Friction over the torque limit [1] that is 1 in o_priv. At a level of 0.01 it is at most 0.12 there."""
 
     def __post_init__(self) -> None:
         """Validate names and numbers."""
@@ -104,6 +106,10 @@ class FrictionCfg:
         if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
             raise ConfigurationError(
                 f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
+            )
+        if not 1e-3 <= self.privileged_unit <= 1.0:
+            raise ConfigurationError(
+                f"friction privileged_unit: got {self.privileged_unit:g}, expected 0.001 to 1 of the torque limit"
             )
 
     def _check_law(self) -> None:

@@ -20,7 +20,8 @@ from stiction.task.friction import NUMBERS, FrictionCfg, Mixture, friction_share
 from stiction.task.task_fleet import HostFleet, TaskFleet
 
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
-"""Units of entries: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
+"""Units of entries: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit, in o_priv by default
+(`FrictionCfg.privileged_unit`)."""
 
 PRIVILEGED_TERMS = (
     ("payload", "robot"),
@@ -38,6 +39,7 @@ def privileged_observation(
     armature: torch.Tensor,
     damping: torch.Tensor,
     friction: torch.Tensor,
+    friction_unit: float = FRICTION_UNIT,
 ) -> torch.Tensor:
     """Return o_priv = {m_b, f_g, I_j, B_j, f_j}, shape (N, 2 + 3 joints), each entry near unit size.
 
@@ -45,14 +47,14 @@ def privileged_observation(
     joints).
     """
     multipliers = [(value - 1.0) / MULTIPLIER_UNIT for value in (armature, damping)]
-    return torch.cat((payload / PAYLOAD_UNIT, ground_friction - 1.0, *multipliers, friction / FRICTION_UNIT), -1)
+    return torch.cat((payload / PAYLOAD_UNIT, ground_friction - 1.0, *multipliers, friction / friction_unit), -1)
 
 
-def nominal_privileged(friction: np.ndarray) -> torch.Tensor:
+def nominal_privileged(friction: np.ndarray, friction_unit: float = FRICTION_UNIT) -> torch.Tensor:
     """Return o_priv, float32, of nominal robots with this friction over the torque limit, (N, joints)."""
     share = torch.from_numpy(np.asarray(friction, dtype=np.float32))
     units, column = torch.ones_like(share), torch.ones(len(share), 1)
-    return privileged_observation(0.0 * column, column, units, units, share)
+    return privileged_observation(0.0 * column, column, units, units, share, friction_unit)
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,9 @@ class Randomizer:
         fixed = vars(nominal) | {"kp": fleet.nominal_kp, "kd": fleet.nominal_kd}
         self._fixed = {name: torch.from_numpy(value).double().to(task_device) for name, value in fixed.items()}
         cfg.check_robot(fleet.spec)
-        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(task_device)
+        axes = np.array(fleet.spec.base.size) / TRUNK_LENGTH
+        axes[1:] *= cfg.center_of_mass_axes == "all"
+        self.com_axes = torch.from_numpy(axes).float().to(task_device)
         num, joints = fleet.num_envs, fleet.spec.num_joints
         single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
         widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
@@ -251,8 +255,8 @@ class Randomizer:
 
     def privileged(self) -> torch.Tensor:
         """Return o_priv of every robot, shape (N, 2 + 3 joints); see `privileged_observation`."""
-        d = self.draws
-        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, self.friction_share())
+        d, unit = self.draws, self.friction.privileged_unit
+        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, self.friction_share(), unit)
 
 
 @dataclass(frozen=True)
