@@ -234,7 +234,7 @@ def deploy(folder: Path, bundle: Path, robot: list[str], port: int, policy: bool
         feet = contract.anatomy.foot_names if contract.anatomy else ()
         link = UdpLink((LOOPBACK, port), contract.joint_names, feet, PERIOD)
         link.hello()
-        yield SimpleNamespace(link=link, address=(LOOPBACK, port), said=dict)
+        yield SimpleNamespace(link=link, address=(LOOPBACK, port), report=dict)
         link.close()
 
     behind.virtual_robot = robot_at  # type: ignore[assignment]

@@ -60,3 +60,13 @@ def test_the_robot_of_the_trials_of_stops_numbers_its_states(monkeypatch: pytest
     link.close()
     assert robot.end()[0] == 0 and link.arrivals.counts.twice == 0
     sys.modules.pop("stop_trials")
+
+
+def test_a_trial_of_a_stop_ends_with_the_report_of_its_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run on the stand-in for the robot goes through the whole program, to its last line."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import stop_trials
+
+    row = stop_trials.attempt("signal SIGTERM", 0, stop_trials.prepare(tmp_path), 0, stop_trials.PATIENT)
+    assert "unforeseen" not in str(row["line"]) and row["outcome"] != "stiff" and "probe_ms" in row
+    sys.modules.pop("stop_trials")
