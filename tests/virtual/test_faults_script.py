@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -62,11 +63,17 @@ def test_the_robot_of_the_trials_of_stops_numbers_its_states(monkeypatch: pytest
     sys.modules.pop("stop_trials")
 
 
-def test_a_trial_of_a_stop_ends_with_the_report_of_its_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run on the stand-in for the robot goes through the whole program, to its last line."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import stop_trials
+TRIAL = """import json, sys
+from pathlib import Path
+import stop_trials as of
 
-    row = stop_trials.attempt("signal SIGTERM", 0, stop_trials.prepare(tmp_path), 0, stop_trials.PATIENT)
-    assert "unforeseen" not in str(row["line"]) and row["outcome"] != "stiff" and "probe_ms" in row
-    sys.modules.pop("stop_trials")
+print(json.dumps(of.attempt("signal SIGTERM", 0, of.prepare(Path(sys.argv[1])), 0, of.PATIENT)))
+"""
+
+
+def test_a_trial_of_a_stop_ends_with_the_report_of_its_run(tmp_path: Path) -> None:
+    """A run on the stand-in for the robot goes through the whole program, to its last line."""
+    words = [sys.executable, "-c", TRIAL, str(tmp_path)]
+    done = subprocess.run(words, cwd=SCRIPTS, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
+    row = json.loads(done.stdout.splitlines()[-1])
+    assert "unforeseen" not in row["line"] and row["outcome"] != "stiff" and "probe_ms" in row
