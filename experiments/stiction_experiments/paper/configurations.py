@@ -72,8 +72,8 @@ def shares(rows: Sequence[Configuration]) -> list[Share]:
     counted = [row for row in rows if row.vote == "counts"]
     dated = [row for row in counted if row.in_2024]
     ways = {
-        "all": [row.joint_friction == "yes" for row in counted],
-        "in 2024": [row.in_2024 == "yes" for row in dated],
+        "all": [vote == 1.0 for vote in votes(rows).values()],
+        "in 2024": [vote == 1.0 for vote in votes(rows, in_2024=True).values()],
         "named before": [row.joint_friction == "yes" for row in counted if row.part == "named"],
         "drawn by lot": [row.joint_friction == "yes" for row in counted if row.part == "drawn"],
         "all, and copies": [row.joint_friction == "yes" for row in rows if row.vote != "out"],

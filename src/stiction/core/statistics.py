@@ -57,7 +57,7 @@ def t_interval(points: Sequence[float], share: float = CONFIDENCE) -> Interval |
 
 
 def interval_of(estimate: float, error: float, freedom: float, share: float = CONFIDENCE) -> Interval:
-    """Return the t-interval of an estimate; share: as of `t_interval`.
+    """Return the t-interval of an estimate; share: see `t_interval`.
 
     `scipy.stats`, which has it, takes half a second to import.
     """
