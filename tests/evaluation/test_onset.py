@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from stiction.files.onset import (
     Motion,
     OnsetCondition,
     OnsetEvidence,
+    Prediction,
+    Span,
     axes,
     golden_motion,
     predict_onset,
@@ -31,11 +33,13 @@ BUNDLE = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
 def condition(robot: str, onsets: tuple[float, ...], softness: float) -> OnsetCondition:
     """Return a robot with six feet; every axis but f/kp is 10 at the torque limit."""
     factors = dict.fromkeys(AXES, (10.0,) * len(onsets)) | {"dead_band_mean": (softness,) * len(onsets)}
-    return OnsetCondition(robot, 6, onsets, onsets, onsets, factors)
+    still = tuple(2 * onset for onset in onsets)
+    return OnsetCondition(robot, 6, onsets, onsets, still, onsets, factors)
 
 
 TWO = (condition("a", (0.1, 0.2), 0.3), condition("b", (0.3,), 0.4))
-EVIDENCE = OnsetEvidence("torque_limit", False, 1.0, TWO, "stiction study onset", "1")
+EVIDENCE = OnsetEvidence("torque_limit", False, 1.0, "torque_mean", TWO, "stiction study onset", "1")
+FIVES = Motion(*[np.full(18, 5.0)] * 5)
 
 
 def row(level: float, command: str, velocity: tuple[float, float, float], **changes) -> ResultRow:
@@ -55,41 +59,39 @@ def test_an_onset_by_the_rows_of_an_evaluation() -> None:
     """0.9 at 0 and 0.7 at 10 % is 0.8 half way; slow commands, other engines and laws do not count."""
     rows = [row(0.0, "vx=1", (0.9, 0, 0)), row(0.1, "vx=1", (0.7, 0, 0)), row(0.1, "vx=0.2", (0.0, 0, 0))]
     rows += [row(0.05, "vx=1", (0, 0, 0), engine="physx"), row(0.05, "vx=1", (0, 0, 0), friction_law="load")]
-    assert walked_onset(rows, relative=False) == (pytest.approx(0.05), 0.1)
+    walked = {"onset": pytest.approx(0.05), "standstill": None, "to": 0.1}
+    assert walked_onset(rows, relative=False) == walked
     # 0.8 of 0.9 is 0.72, nine tenths of the way.
-    assert walked_onset(rows, relative=True) == (pytest.approx(0.09), 0.1)
-    assert walked_onset(rows[:1], relative=False) == (None, 0.0)
-    assert walked_onset(rows[1:], relative=False) == (None, 0.1), "nothing without friction"
-    assert walked_onset([], relative=False) == (None, None)
-    both = [row(0.0, "vx=1,wz=1", (1.0, 0, 0.5))]
-    assert walked_onset([*both, row(0.1, "vx=1,wz=1", (1.0, 0, 0.35))], relative=True)[0] == pytest.approx(
-        0.2 / 0.3 * 0.1
-    )
+    assert walked_onset(rows, relative=True) == walked | {"onset": pytest.approx(0.09)}
+    # Half of 0.9 is 0.45: from 0.7 at 10 % to 0.2 at 40 % half way, in the logarithm.
+    fallen = walked_onset([*rows, row(0.4, "vx=1", (0.2, 0, 0))], relative=False)
+    assert fallen == walked | {"standstill": pytest.approx(0.2), "to": 0.4}
+    nothing = {"onset": None, "standstill": None, "to": 0.1}
+    assert walked_onset(rows[:1], relative=False) == nothing | {"to": 0.0}
+    assert walked_onset(rows[1:], relative=False) == nothing, "nothing without friction"
+    assert walked_onset([], relative=False) == nothing | {"to": None}
+    both = [row(0.0, "vx=1,wz=1", (1.0, 0, 0.5)), row(0.1, "vx=1,wz=1", (1.0, 0, 0.35))]
+    assert walked_onset(both, relative=True)["onset"] == pytest.approx(0.2 / 0.3 * 0.1)
 
 
 def test_a_prediction_is_the_middle_of_the_conditions_on_their_axis() -> None:
-    """Middles of 1.5 and 3 on an axis that is 1 at the torque limit."""
-    predicted = predict_onset(BUNDLE.contract, None, EVIDENCE)
-    assert predicted is not None
-    assert (predicted.level, predicted.least, predicted.most, predicted.outside) == (2.25, 1.5, 3.0, "")
-    # A torque in walking is not known without a walk.
-    assert predict_onset(BUNDLE.contract, None, replace(EVIDENCE, axis="torque_mean")) is None
-    torque = np.full(18, 5.0)
-    motion = Motion(torque, torque, torque, torque, torque)
-    predicted = predict_onset(BUNDLE.contract, motion, replace(EVIDENCE, axis="torque_mean"))
-    assert predicted is not None
-    assert predicted.level == pytest.approx(2.25 / (BUNDLE.contract.array("torque_limit") / 5.0).mean())
+    """Onsets of 1.5 and 3 on an axis that is 1 at the torque limit, standstill at twice that on another."""
+    predicted = predict_onset(BUNDLE.contract, FIVES, EVIDENCE)
+    assert predicted.onset is not None
+    assert (predicted.onset.level, predicted.onset.least, predicted.onset.most) == (2.25, 1.5, 3.0)
+    assert predicted.standstill.level == pytest.approx(4.5 / (BUNDLE.contract.array("torque_limit") / 5.0).mean())
+    assert predicted.outside == "" and predicted.text.startswith("stops following at 220 % (150 to 300 %)")
 
 
 def test_what_no_robot_like_it_has_walked_is_called_an_extrapolation() -> None:
-    """A robot with other feet, or with softer gains than any that walked."""
+    """A robot with other feet, or with softer gains than any that walked, gets the standstill alone."""
     birds = tuple(replace(each, feet=2) for each in TWO)
-    predicted = predict_onset(BUNDLE.contract, None, replace(EVIDENCE, conditions=birds))
-    assert predicted is not None
+    predicted = predict_onset(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=birds))
+    assert predicted.onset is None and "80 %" not in predicted.text
     assert "2 feet walked, this one has 6" in predicted.outside and "the nearest that walked, a" in predicted.outside
     stiff = tuple(condition(each.robot, each.onsets, 0.01) for each in TWO)
-    predicted = predict_onset(BUNDLE.contract, None, replace(EVIDENCE, conditions=stiff))
-    assert predicted is not None and "τ_max/kp was 0.01 to 0.01 rad, and is 0.32" in predicted.text
+    predicted = predict_onset(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=stiff))
+    assert "τ_max/kp was 0.01 to 0.01 rad, and is 0.32" in predicted.text
 
 
 def test_a_recording_with_friction_predicts_nothing_of_motion() -> None:
@@ -104,17 +106,17 @@ def test_a_recording_with_friction_predicts_nothing_of_motion() -> None:
 
 
 def test_the_line_of_a_policy_has_what_was_predicted_and_what_was_walked() -> None:
-    """A policy that follows at every level has no walked onset; the line names the last level."""
-    predicted = {"level": 0.1, "least": 0.05, "most": 0.2, "axis": "torque_limit", "relative": False, "outside": ""}
-    lines = onset_lines(
-        {
-            "p": {"predicted": predicted, "walked": 0.12, "walked_to": 0.2},
-            "q": {"predicted": predicted, "walked": None, "walked_to": 0.2},
-            "r": {"predicted": None, "walked": 0.1, "walked_to": 0.2},
-        }
-    )
-    assert len(lines) == 2 and lines[0].endswith("at 10 % of the torque limit (5 to 20 %), by f / τ_max. Walked: 12 %.")
-    assert lines[1].endswith("Walked: not up to 20 %.")
+    """A friction that no walk showed is named by the last level; without walks nothing is said of them."""
+    spans = {"onset": Span(0.1, 0.05, 0.2), "standstill": Span(0.3, 0.2, 0.4)}
+    predicted = asdict(Prediction(**spans, axes=("torque_limit", "work"), relative=False, outside=""))
+    walks = {
+        "p": {"onset": 0.12, "standstill": None, "to": 0.2},
+        "q": {"onset": None, "standstill": None, "to": None},
+    }
+    lines = onset_lines({policy: {"predicted": predicted, "walked": walked} for policy, walked in walks.items()})
+    text = "stops following at 10 % (5 to 20 %), by f / τ_max; half of its speed is gone at 30 % (20 to 40 %)"
+    assert text in lines[0] and lines[0].endswith("Walked: 12 %, not up to 20 %.")
+    assert text in lines[1] and lines[1].endswith("all joints.")
 
 
 def test_evidence_that_is_damaged_is_refused(tmp_path: Path) -> None:

@@ -93,11 +93,11 @@ def condition_of(robot: str, noticed: float, onset: float, dead_band: float, see
     """Return a robot whose seeds all stop at one friction; f/kp at the torque limit is `dead_band` [rad]."""
     factors = dict.fromkeys(AXES, (1.0,) * seeds) | {"dead_band_worst": (dead_band,) * seeds}
     jitter = (50.0 / dead_band,) * seeds
-    return OnsetCondition(robot, 4, (onset,) * seeds, (noticed,) * seeds, jitter, factors)
+    return OnsetCondition(robot, 4, (onset,) * seeds, (noticed,) * seeds, (2 * onset,) * seeds, jitter, factors)
 
 
 EVIDENCE = OnsetEvidence(
-    *("torque_limit", True, 1.0),
+    *("torque_limit", True, 1.0, "work"),
     (condition_of("go1", 0.05, 0.10, 0.8, 2), condition_of("go1@kp=2", 0.06, 0.14, 0.4, 1)),
     *("stiction study onset", "abc"),
 )

@@ -5,29 +5,25 @@ The criteria are in `results/onset/criteria.md`, and older than every row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from statistics import fmean
 from typing import Any
 
 import numpy as np
 
 from stiction.core.records import column
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.evaluation.onset import fast_commands, onset, reach_by_level, walk_motion
+from stiction.evaluation.onset import Reaches, fast_commands, onset, reaches_by_cell, walk_motion
 from stiction.evaluation.policies import method_of
 from stiction.evaluation.summary import commands_for
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import LEAST, axes
+from stiction.files.onset import STANDS, axes
 from stiction.files.velocity import parse_command
 from stiction.virtual.drive import ignore_progress
 
 GRID = (0.0, *(0.01 * 2 ** (step / 2) for step in range(13)))
 """Friction at which a policy is walked, as a share of the torque limit: none, and 1 to 64 % by factors of √2."""
-
-STANDS = 0.5
-"""Mean reach over that without friction under which a policy stands in its friction [1]."""
 
 EPISODES, SECONDS = 4, 10.0
 """Walks of a cell, and their length [s]."""
@@ -112,30 +108,9 @@ def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], 
     return rows
 
 
-@dataclass(frozen=True)
-class Reaches:
-    """Reach of one policy over friction: level -> reach [1], three times."""
-
-    worst: Mapping[float, float]
-    """Reach of the worst command."""
-    relative: Mapping[float, float]
-    """Reach of the worst command, each over that of the same command without friction."""
-    mean: Mapping[float, float]
-    """Mean of those."""
-
-    @property
-    def walked_enough(self) -> bool:
-        """True if more friction tells nothing: all three have fallen, or were under it without friction."""
-        ends = ((self.worst, LEAST), (self.relative, LEAST), (self.mean, STANDS))
-        return all(min(reach.values(), default=0.0) < least for reach, least in ends)
-
-
 def reaches_of(rows: Sequence[ReachRow]) -> Reaches:
     """Return what a policy reaches by its rows."""
-    cells = {(row.friction_level, row.command): row.reach for row in rows}
-    return Reaches(
-        reach_by_level(cells), reach_by_level(cells, relative=True), reach_by_level(cells, fmean, relative=True)
-    )
+    return reaches_by_cell({(row.friction_level, row.command): row.reach for row in rows})
 
 
 def readings(rows: Sequence[ReachRow]) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from stiction.core.provenance import seed_streams
 from stiction.evaluation.onset import onset
-from stiction.files.onset import AXES, LEAST, NOTICED, SCHEMA_VERSION, OnsetCondition, OnsetEvidence
+from stiction.files.onset import AXES, LEAST, NOTICED, SCHEMA_VERSION, STANDS, OnsetCondition, OnsetEvidence
 from stiction.files.plain import write_object
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
 from stiction.robots.catalog import find_robot
 from stiction_experiments.lab.study import Report
-from stiction_experiments.onset.measure import STANDS, OnsetRow, ReachRow, reaches_of
+from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +32,10 @@ FEWEST, CLOSE, SAMPLES = 2, 1.1, 1000
 
 UNDECIDED = 0.25
 """Share of samples with another axis from which on the choice is undecided."""
+
+STANDSTILL = "work"
+"""Axis by which a standstill is predicted: the closest one that counts a joint by what it does. A mean over joints
+counts the arms of a biped, which hardly move, as much as its knees."""
 
 READINGS = {"onset": "Onset", "relative_onset": "Relative onset", "standstill": "Standstill"}
 """Field of a row -> its name: three frictions at which a policy gives up."""
@@ -118,16 +122,25 @@ def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
 
 
 def evidence_of(choice: Choice, reaches: Sequence[ReachRow], provenance: Mapping[str, str]) -> OnsetEvidence:
-    """Return what predicts the onset of other policies. provenance: `command` and `revision` of the study."""
+    """Return what predicts the onset of other policies, by the conditions that have a standstill too.
+
+    provenance: `command` and `revision` of the study.
+    """
     conditions = []
-    for name, own in choice.conditions.items():
+    for name, each in choice.conditions.items():
+        if len(own := [row for row in each if row.standstill is not None]) < FEWEST:
+            continue
         walked = [[each for each in reaches if each.policy == row.policy] for row in own]
         onsets = tuple(getattr(row, choice.reading) or 0.0 for row in own)
         noticed = tuple(onset(reaches_of(each).relative, NOTICED) or 0.0 for each in walked)
+        standstill = tuple(row.standstill or 0.0 for row in own)
         jitter = tuple(fmean(row.jitter for row in each if row.friction_level == 0.0) for each in walked)
         factors = {axis: tuple(getattr(row, axis) for row in own) for axis in AXES}
-        conditions.append(OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, jitter, factors))
-    return OnsetEvidence(choice.axis, choice.reading == "relative_onset", choice.again, tuple(conditions), **provenance)
+        conditions.append(
+            OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, standstill, jitter, factors)
+        )
+    relative = choice.reading == "relative_onset"
+    return OnsetEvidence(choice.axis, relative, choice.again, STANDSTILL, tuple(conditions), **provenance)
 
 
 def choice_text(choice: Choice) -> str:
@@ -170,23 +183,32 @@ def axes_sheet(choice: Choice) -> Sheet:
     )
 
 
-def predictions_sheet(rows: Sequence[OnsetRow], choice: Choice) -> Sheet | None:
-    """Return what the chosen axis predicts of the policies that did not choose it; None where there are none."""
+def predictions_sheet(rows: Sequence[OnsetRow], readings: Mapping[str, tuple[str, float]]) -> Sheet | None:
+    """Return what is predicted of the policies that chose no axis; None where there are none.
+
+    readings: field of a row -> axis, and the middle of the conditions on it.
+    """
     lines = []
     for row in rows:
         if row.method == "none" and row.robot in CONDITIONS:
             continue
-        # A foreign policy is judged by what it reaches without friction: it is slower than told there.
-        measured, predicted = (
-            getattr(row, "relative_onset" if row.onset is None else choice.reading),
-            choice.middle / getattr(row, choice.axis),
-        )
-        error = "–" if measured is None else f"{predicted / measured - 1:+.0%}"
-        walked = "over 64 %" if measured is None else f"{measured:.1%}"
-        lines.append((row.policy, row.method, f"{row.reach:.2f}", f"{predicted:.1%}", walked, error))
-    header = ("policy", "method", "reach without friction", "predicted", "walked", "error")
-    note = f"Predicted: the middle of the conditions on {AXES[choice.axis]}, {choice.middle:.3g}."
-    return Sheet("Others", header, tuple(lines), note) if lines else None
+        cells = []
+        for reading, (axis, middle) in readings.items():
+            measured, predicted = getattr(row, reading), middle / getattr(row, axis)
+            error = "–" if measured is None else f"{predicted / measured - 1:+.0%}"
+            cells += [f"{predicted:.1%}", "not seen" if measured is None else f"{measured:.1%}", error]
+        lines.append((row.policy, row.method, f"{row.reach:.2f}", *cells))
+    names = [READINGS[reading].lower() for reading in readings]
+    columns = (column for name in names for column in (f"{name}, predicted", "walked", "error"))
+    note = "; ".join(
+        f"{READINGS[reading]}: the middle of the conditions on {AXES[axis]}, {middle:.3g}"
+        for reading, (axis, middle) in readings.items()
+    )
+    return (
+        Sheet("Others", ("policy", "method", "reach without friction", *columns), tuple(lines), f"{note}.")
+        if lines
+        else None
+    )
 
 
 def seeds_sheet(rows: Sequence[OnsetRow]) -> Sheet:
@@ -243,13 +265,16 @@ def report(
     choices = {reading: choose(own, reading) if len(own) > 1 else None for reading, own in each.items()}
     made = [choice for choice in choices.values() if choice is not None]
     sheets = [axes_sheet(choice) for choice in made]
-    if (plain := choices["onset"]) is not None and (others := predictions_sheet(rows, plain)) is not None:
+    evidence = best_choice(rows)
+    by = {} if evidence is None else {evidence.reading: (evidence.axis, evidence.middle)}
+    if still := each["standstill"]:
+        by["standstill"] = (STANDSTILL, median(on_axis(own, STANDSTILL, "standstill") for own in still.values()))
+    if (others := predictions_sheet(rows, by)) is not None:
         sheets.insert(1, others)
     sheets.append(seeds_sheet(rows))
     figure = draw(rows, reaches, made[0].axis) if made and reaches else None
     answer = lead(choices)
     picture = () if figure is None else (figure_block(figure, "Worst reach over friction, trained without friction."),)
-    evidence = best_choice(rows)
 
     def write_evidence(out: Path) -> None:
         if evidence is not None:

@@ -72,8 +72,9 @@ def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
     if contract.target_limits is None:
         notes.append(f"target limits: {target_limits_text(contract)}")
     if not contract.met_friction:
-        predicted = predict_onset(contract, golden_motion(bundle.golden, contract))
-        notes.append(f"trained without friction, and {'not predicted' if predicted is None else predicted.text}")
+        motion = golden_motion(bundle.golden, contract)
+        predicted = "not predicted" if motion is None else predict_onset(contract, motion).text
+        notes.append(f"trained without friction, and {predicted}")
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"

@@ -1,9 +1,10 @@
-"""Onset: the friction at which the worst of a policy's fast commands falls below 0.8 of the command."""
+"""Onset and standstill of a policy: the frictions at which its fast commands fall below 0.8, and below half."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, ma
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import LEAST, Motion, motion_of, predict_onset, shipped_onsets
+from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_onset, shipped_onsets
 from stiction.files.results import ResultRow
 from stiction.files.velocity import parse_command
 from stiction.virtual.drive import drive
@@ -65,10 +66,35 @@ def onset(reach: Mapping[float, float], least: float = LEAST) -> float | None:
     return share * high if low == 0.0 else low * (high / low) ** share
 
 
-def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | None, float | None]:
-    """Return the onset of a policy from its rows in the training's simulator, and the highest level walked there.
+@dataclass(frozen=True)
+class Reaches:
+    """Reach of one policy over friction: level -> reach [1], three times."""
 
-    The onset is None where no level shows it or level 0 was not walked; the level is None without rows.
+    worst: Mapping[float, float]
+    """Reach of the worst command."""
+    relative: Mapping[float, float]
+    """Reach of the worst command, each over that of the same command without friction."""
+    mean: Mapping[float, float]
+    """Mean of those."""
+
+    @property
+    def walked_enough(self) -> bool:
+        """True if more friction tells nothing: all three have fallen, or were under it without friction."""
+        ends = ((self.worst, LEAST), (self.relative, LEAST), (self.mean, STANDS))
+        return all(min(reach.values(), default=0.0) < least for reach, least in ends)
+
+
+def reaches_by_cell(cells: Mapping[tuple[float, str], float]) -> Reaches:
+    """Return what a policy reaches. cells: level, 0 among them, and command -> reach [1]."""
+    mean = reach_by_level(cells, fmean, relative=True)
+    return Reaches(reach_by_level(cells), reach_by_level(cells, relative=True), mean)
+
+
+def walked_onset(rows: Sequence[ResultRow], relative: bool) -> dict[str, float | None]:
+    """Return a policy's `onset` and `standstill`, and `to`, the highest level walked, in the training's simulator.
+
+    The first two are None where no level shows them or level 0 was not walked; `to` is None without rows. relative:
+    True for the onset by the reach without friction.
     """
     cells = {
         (row.friction_level, row.command): min(ratios)
@@ -81,22 +107,22 @@ def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | Non
     cells = {cell: reach for cell, reach in cells.items() if cell[1] in fast}
     last = max((level for level, _ in cells), default=None)
     if not any(level == 0.0 for level, _ in cells):
-        return None, last
-    return onset(reach_by_level(cells, relative=relative)), last
+        return {"onset": None, "standstill": None, "to": last}
+    reaches = reaches_by_cell(cells)
+    worst = reaches.relative if relative else reaches.worst
+    return {"onset": onset(worst), "standstill": onset(reaches.mean, STANDS), "to": last}
 
 
 def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:
-    """Return the onset of a policy, predicted from its walks without friction, and as walked.
+    """Return the onset and standstill of a policy, `predicted` from its walks without friction, and as `walked`.
 
     rows: of the policy; cfg: their commands, episodes and seconds; at most `EPISODES` walks per command are repeated.
     """
-    if (predicted := predict_onset(bundle.contract, None)) is None:
-        fast = fast_commands(cfg.commands) or cfg.commands
-        episodes = min(cfg.episodes, EPISODES)
-        motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
-        predicted = predict_onset(bundle.contract, motion)
-    walked, last = walked_onset(rows, shipped_onsets().relative)
-    return {"predicted": predicted and asdict(predicted), "walked": walked, "walked_to": last}
+    fast = fast_commands(cfg.commands) or cfg.commands
+    episodes = min(cfg.episodes, EPISODES)
+    motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
+    predicted = predict_onset(bundle.contract, motion)
+    return {"predicted": asdict(predicted), "walked": walked_onset(rows, shipped_onsets().relative)}
 
 
 def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:

@@ -1,9 +1,10 @@
-"""Onset: the friction at which a policy trained without friction stops following, predicted from measured onsets.
+"""Onset and standstill: frictions at which a policy trained without friction is too slow, predicted from measured ones.
 
 Reach is the least ratio of mean velocity to command, over the commanded axes. The onset is the friction at which the
-worst reach of the fast commands falls under `LEAST`. On some axis, friction over what a joint's gains, targets, motion
-or torque can do against it, onsets of robots and gains lie close to each other: `onset.json` in this folder has the
-measured ones, written by the study of onsets, and that axis.
+worst reach of the fast commands falls under `LEAST`, the standstill the one at which their mean reach falls under
+`STANDS` of that without friction. On some axis, friction over what a joint's gains, targets, motion or torque can do
+against it, those of robots and gains lie close to each other: `onset.json` in this folder has the measured ones,
+written by the study of onsets, and the axes.
 """
 
 from __future__ import annotations
@@ -14,20 +15,25 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import median
+from typing import Literal
 
 import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.files.contract import Contract, robot_of
+from stiction.files.design import two_digits
 from stiction.files.golden import Golden
 from stiction.files.plain import read_object, take_version
 from stiction.robots.model import GRAVITY, Robot
 
 SCHEMA_VERSION = 1
 
-LEAST, NOTICED = 0.8, 0.9
-"""Share of the command under which a policy no longer follows; share of the reach without friction under which friction
-is noticed [1]."""
+LEAST, NOTICED, STANDS = 0.8, 0.9, 0.5
+"""Share of the command under which a policy no longer follows; shares of the reach without friction under which
+friction is noticed, and under which a policy stands in it [1]."""
+
+Reading = Literal["onsets", "noticed", "standstill"]
+"""Field of `OnsetCondition`: a friction at which something is lost."""
 
 AXES = {
     "torque_limit": "f / τ_max",
@@ -78,20 +84,19 @@ def rms(signal: np.ndarray) -> np.ndarray:
     return np.sqrt(np.square(signal).mean(axis=(0, 1)))
 
 
-def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion | None) -> dict[str, float]:
-    """Return each axis per friction over torque limit, by name; without a motion only axes that need none.
+def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion) -> dict[str, float]:
+    """Return each axis per friction over torque limit, by name.
 
     kp: gains [N m/rad]; limit: torque limits [N m], both (J,).
     """
-    values = {"torque_limit": 1.0}
-    by_joint = {"dead_band": limit / kp, "weight": limit / (robot.mass * GRAVITY * robot.standing_height)}
-    if motion is not None:
-        by_joint |= {
-            "targets": limit / (kp * motion.targets),
-            "motion": limit / (kp * motion.angles),
-            "torque": limit / motion.torque,
-        }
-        values["work"] = float((limit * motion.speed).sum() / motion.power.sum())
+    values = {"torque_limit": 1.0, "work": float((limit * motion.speed).sum() / motion.power.sum())}
+    by_joint = {
+        "dead_band": limit / kp,
+        "weight": limit / (robot.mass * GRAVITY * robot.standing_height),
+        "targets": limit / (kp * motion.targets),
+        "motion": limit / (kp * motion.angles),
+        "torque": limit / motion.torque,
+    }
     for name, each in by_joint.items():
         values |= {f"{name}_worst": float(each.max()), f"{name}_mean": float(each.mean())}
     return values
@@ -107,14 +112,16 @@ class OnsetCondition:
     """Friction over torque limit at the onset, of each seed [1]."""
     noticed: tuple[float, ...]
     """Friction at which the reach of some command falls under `NOTICED` of that without friction, of each seed [1]."""
+    standstill: tuple[float, ...]
+    """Friction at which the mean reach falls under `STANDS` of that without friction, of each seed [1]."""
     jitter: tuple[float, ...]
     """Jitter of the joints without friction, mean over commands, of each seed [rad/s²]."""
     factors: Mapping[str, tuple[float, ...]]
     """Axis -> its value per friction over torque limit, of each seed."""
 
-    def on(self, axis: str, noticed: bool = False) -> float:
-        """Return the median over the seeds of the onset on an axis, or of the noticed friction."""
-        levels = self.noticed if noticed else self.onsets
+    def on(self, axis: str, reading: Reading = "onsets") -> float:
+        """Return the median over the seeds of an onset on an axis, or of another reading."""
+        levels: tuple[float, ...] = getattr(self, reading)
         return median(level * factor for level, factor in zip(levels, self.factors[axis], strict=True))
 
     @property
@@ -133,13 +140,15 @@ class OnsetEvidence:
     """True if an onset is the friction at which reach falls under `LEAST` of that without friction."""
     again: float
     """Share of samples of the seeds that choose this axis too [1]."""
+    standstill_axis: str
+    """Axis by which a standstill is predicted, in `AXES`."""
     conditions: tuple[OnsetCondition, ...]
     command: str
     revision: str
 
-    def middles(self, axis: str, noticed: bool = False) -> list[float]:
+    def middles(self, axis: str, reading: Reading = "onsets") -> list[float]:
         """Return the sorted values of all conditions on an axis."""
-        return sorted(condition.on(axis, noticed) for condition in self.conditions)
+        return sorted(condition.on(axis, reading) for condition in self.conditions)
 
     def spread(self, axis: str) -> float:
         """Return the largest over the smallest onset on an axis [1]."""
@@ -159,46 +168,64 @@ def shipped_onsets() -> OnsetEvidence:
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """Predicted onset, as a share of each joint's torque limit [1]."""
+class Span:
+    """Friction that is predicted, as a share of each joint's torque limit [1]."""
 
     level: float
+    """By the median of the conditions, on the axis."""
     least: float
-    """Onset by the condition that stopped first, on the axis."""
+    """By the condition that needed the least friction."""
     most: float
-    """Onset by the condition that stopped last."""
-    axis: str
-    """Name in `AXES`."""
+    """By the condition that needed the most."""
+
+    @property
+    def text(self) -> str:
+        """`7.1 % (5.2 to 12 %)`."""
+        level, least, most = (two_digits(100 * value) for value in (self.level, self.least, self.most))
+        return f"{level} % ({least} to {most} %)"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Frictions at which a policy is predicted to be too slow."""
+
+    onset: Span | None
+    """None for a robot outside the evidence: the onset of policies of others was off fifty times."""
+    standstill: Span
+    axes: tuple[str, str]
+    """Axis of the onset, and of the standstill, in `AXES`."""
     relative: bool
-    """True if it is the friction at which reach falls under `LEAST` of that without friction."""
+    """True if the onset is the friction at which reach falls under `LEAST` of that without friction."""
     outside: str
     """Reason why this is an extrapolation, and the nearest evidence; empty if it is not."""
 
     @property
     def text(self) -> str:
         """Prediction as a sentence, with its basis."""
-        span = f"{100 * self.least:.2g} to {100 * self.most:.2g} %"
+        half = f"half of its speed is gone at {self.standstill.text} of the torque limit, by {AXES[self.axes[1]]}"
+        if self.onset is None:
+            return f"{half}; {self.outside}"
         what = f"falls under {100 * LEAST:g} % of its speed without friction" if self.relative else "stops following"
-        text = f"{what} at {100 * self.level:.2g} % of the torque limit ({span}), by {AXES[self.axis]}"
-        return f"{text}; {self.outside}" if self.outside else text
+        return f"{what} at {self.onset.text}, by {AXES[self.axes[0]]}; {half}"
 
 
-def predict_onset(
-    contract: Contract, motion: Motion | None, evidence: OnsetEvidence | None = None
-) -> Prediction | None:
-    """Return the predicted onset of a policy; None where its axis needs a motion and none is given.
+def predict_onset(contract: Contract, motion: Motion, evidence: OnsetEvidence | None = None) -> Prediction:
+    """Return the predicted onset and standstill of a policy; the standstill alone of a robot outside the evidence.
 
     It is for policies trained without friction; one trained with friction follows as far as it was trained. motion: of
     walks without friction; evidence: by default the shipped one.
     """
     evidence, robot = evidence or shipped_onsets(), robot_of(contract)
     factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
-    if (factor := factors.get(evidence.axis)) is None:
-        return None
-    middles = evidence.middles(evidence.axis)
-    level, least, most = (value / factor for value in (median(middles), middles[0], middles[-1]))
+
+    def span(axis: str, reading: Reading) -> Span:
+        middles = evidence.middles(axis, reading)
+        return Span(*(value / factors[axis] for value in (median(middles), middles[0], middles[-1])))
+
+    on = (evidence.axis, evidence.standstill_axis)
     outside = _outside(robot, factors["dead_band_mean"], evidence)
-    return Prediction(level, least, most, evidence.axis, evidence.relative, outside)
+    onset = None if outside else span(on[0], "onsets")
+    return Prediction(onset, span(on[1], "standstill"), on, evidence.relative, outside)
 
 
 def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
@@ -227,5 +254,5 @@ def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
         evidence.conditions,
         key=lambda item: (abs(item.feet - len(robot.feet)), abs(math.log(item.softness / dead_band))),
     )
-    onset = f"{100 * median(near.onsets):.2g} %"
-    return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, stopped at {onset}"
+    level = f"{100 * near.on('torque_limit', 'standstill'):.2g} %"
+    return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, lost it at {level}"

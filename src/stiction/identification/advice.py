@@ -196,7 +196,7 @@ class Thresholds:
 def thresholds(axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
     """Return the onsets of the study on an axis. evidence: by default what comes with the package."""
     evidence = evidence or shipped_onsets()
-    noticed, onset = evidence.middles(axis, noticed=True), evidence.middles(axis)
+    noticed, onset = evidence.middles(axis, "noticed"), evidence.middles(axis)
     robots = sorted({condition.robot.partition("@")[0] for condition in evidence.conditions})
     seeds = [len(condition.onsets) for condition in evidence.conditions]
     several = f"{min(seeds)} to {max(seeds)}" if min(seeds) < max(seeds) else f"{seeds[0]}"

@@ -11,11 +11,12 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from stiction.core.decode import from_plain
 from stiction.files.following import CommandVerdict, judge_row, worst_command
-from stiction.files.onset import Prediction
+from stiction.files.onset import LEAST, Prediction
 from stiction.files.results import ResultRow
-from stiction.report.following import friction_text, result_cells
-from stiction.report.glance import COMMAND, STYLES, Glance, Tone, two_digits
+from stiction.report.following import friction_text, result_cells, walked_texts
+from stiction.report.glance import COMMAND, STYLES, Glance, Tone
 
 MOST_ROWS = 8
 """Rows that the terminal shows; the page has them all."""
@@ -138,13 +139,16 @@ def _step(rows: Sequence[ResultRow], summary: Mapping[str, Any]) -> str:
 
 
 def _onsets(summary: Mapping[str, Any]) -> list[str]:
-    """Return where policies that never met friction stop following, as predicted and as walked."""
+    """Return where policies that never met friction are too slow, as predicted and as walked."""
     lines = []
     for policy, each in summary.get("onset", {}).items():
-        if each["predicted"] is not None:
-            predicted = Prediction(**each["predicted"])
-            ends = f"{two_digits(100 * predicted.least)} to {two_digits(100 * predicted.most)} %"
-            text = f"predicted to stop at {two_digits(100 * predicted.level)} % friction ({ends})"
-            text += "" if each["walked"] is None else f", walked {two_digits(100 * each['walked'])} %"
-            lines.append(text if len(summary["onset"]) == 1 else f"{policy} {text}")
+        predicted = from_plain(Prediction, each["predicted"], "onset")
+        spans = {f"under {100 * LEAST:g} % of its speed": predicted.onset, "under half": predicted.standstill}
+        walked = [f", walked {text}" for text in walked_texts(each["walked"])] or ["", ""]
+        text = "predicted " + "; ".join(
+            f"{what} at {span.text} friction{end}"
+            for (what, span), end in zip(spans.items(), walked, strict=True)
+            if span is not None
+        )
+        lines.append(text if len(summary["onset"]) == 1 else f"{policy} {text}")
     return lines

@@ -7,6 +7,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
+from stiction.core.decode import from_plain
 from stiction.core.records import header, texts
 from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
 from stiction.files.onset import Prediction
@@ -24,21 +25,24 @@ SLOWEST_WALK = "slowest walk"
 
 
 def onset_lines(onsets: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a line for each policy that never met friction: where it stops following, predicted and walked.
+    """Return a line for each policy that never met friction: where it is too slow, predicted and walked.
 
-    onsets: policy -> `predicted`, `walked` and `walked_to`, as `evaluation.onset.onset_of` returns them.
+    onsets: policy -> `predicted` and `walked`, as `evaluation.onset.onset_of` returns them.
     """
     lines = []
     for policy, each in onsets.items():
-        if each["predicted"] is None:
-            continue
-        text = f"{policy}, predicted by its walks without friction, {Prediction(**each['predicted']).text}"
-        if each["walked"] is not None:
-            text += f". Walked: {100 * each['walked']:.2g} %"
-        elif each["walked_to"]:
-            text += f". Walked: not up to {100 * each['walked_to']:.4g} %"
-        lines.append(f"{text}.")
+        text = from_plain(Prediction, each["predicted"], "onset").text
+        walked = ", ".join(walked_texts(each["walked"]))
+        lines.append(f"{policy}, predicted by its walks without friction, {text}{walked and f'. Walked: {walked}'}.")
     return lines
+
+
+def walked_texts(walked: Mapping[str, float | None]) -> list[str]:
+    """Return the walked onset and standstill in words: `6.4 %`, or `not up to 20 %`; empty without levels."""
+    if not walked["to"]:
+        return []
+    levels = (walked["onset"], walked["standstill"])
+    return [f"not up to {100 * walked['to']:.4g} %" if level is None else f"{100 * level:.2g} %" for level in levels]
 
 
 def pace_text(row: ResultRow) -> str:

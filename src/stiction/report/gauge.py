@@ -62,7 +62,7 @@ def speeds(scale: Scale, value: float) -> Markup:
 
     lines = []
     for condition in evidence.conditions:
-        reached = ((0.0, 1.0), (condition.on(scale.axis, noticed=True), NOTICED), (condition.on(scale.axis), LEAST))
+        reached = ((0.0, 1.0), (condition.on(scale.axis, "noticed"), NOTICED), (condition.on(scale.axis), LEAST))
         lines.append([(across(friction), down(share)) for friction, share in reached])
     low, most = (across(max(0.0, each)) for each in (scale.low, scale.most))
     levels = [(down(share), f"{100 * share:.0f} %") for share in (1.0, NOTICED, LEAST)]

@@ -132,12 +132,17 @@ def test_of_axes_that_are_near_the_one_of_less_knowledge_is_taken() -> None:
 
 
 def test_others_are_predicted() -> None:
-    """A middle of 0.04 rad is 10 % of the torque limit at 0.4 rad a limit: the policy stopped at 8 %, 25 % too high."""
+    """A middle of 0.04 rad is 10 % of the torque limit at 0.4 rad a limit: the policy stopped at 8 %, 25 % too high.
+
+    On an axis that is 1 at the limit a middle of 0.3 is 30 %, and nobody saw it stand.
+    """
     rows = [a_row(robot, seed, 0.1, 0.4) for robot in ("saturn_lite", "go1") for seed in (10, 11)]
-    rows = [replace(row, **dict.fromkeys(set(AXES) - {"dead_band_worst"}, 1.0 + (row.robot == "go1"))) for row in rows]
     other = a_row("g1", 3, None, 0.4, method="imported", reach=0.7, relative_onset=0.08)
-    sheet = predictions_sheet(ordered([other, *rows]), choose(conditions_of(rows)))
-    assert sheet is not None and sheet.rows == (("g1-s3", "imported", "0.70", "10.0%", "8.0%", "+25%"),)
+    readings = {"relative_onset": ("dead_band_worst", 0.04), "standstill": ("work", 0.3)}
+    sheet = predictions_sheet(ordered([replace(other, standstill=None), *rows]), readings)
+    cells = ("10.0%", "8.0%", "+25%", "30.0%", "not seen", "–")
+    assert sheet is not None and sheet.rows == (("g1-s3", "imported", "0.70", *cells),)
+    assert predictions_sheet(rows, readings) is None
 
 
 def test_the_command_walks_what_it_does_not_have(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -172,7 +177,7 @@ JITTERS = (("vx=1", 2.0), ("vx=-1", 4.0))
 def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     """Two robots have a relative onset, one of them no other: the relative one counts, on the axis where they agree."""
     rows = [
-        replace(a_row(robot, seed, onset, factor), relative_onset=relative)
+        replace(a_row(robot, seed, onset, factor), relative_onset=relative, standstill=relative)
         for robot, onset, factor, relative in (("saturn_lite", 0.1, 0.4, 0.1), ("go1", None, 0.8, 0.05))
         for seed in (10, 11)
     ]
@@ -186,4 +191,5 @@ def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
         ("go1", 4, (0.05, 0.05)),
     ]
     assert evidence.conditions[0].jitter == (3.0, 3.0)
+    assert (evidence.standstill_axis, evidence.conditions[0].standstill) == ("work", (0.1, 0.1))
     assert evidence.middles(evidence.axis) == pytest.approx([0.04, 0.04])
