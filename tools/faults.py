@@ -3,9 +3,9 @@
     python tools/faults.py --trials 50 --out results/deploy
     python tools/faults.py --stops --trials 20 --out results/deploy/stops
 
-The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`, all of them anew each time.
+The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`.
 
-One line a trial in `faults.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
+One line a trial in `faults.csv`, or `stops.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
 taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is
 a run of its own, with its own standing up. Run it on an idle machine: how late an idle loop is stands beside every
 trial. A run that ended before its fault came, as on a busy machine, is kept, counted apart, and made again.
@@ -145,18 +145,18 @@ def asked(rows: list[dict[str, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def judge(rows: list[dict[str, object]]) -> str:
+def judge(rows: list[dict[str, str]]) -> str:
     """Return the table of stops, one row a situation, with the figures that are asked for."""
     outcomes = ("damped", "refused", "stiff", "before")
     lines = [
         f"| situation | trials | {' | '.join(outcomes)} | rules | event to damping [ms], median (largest) | within |"
     ]
     lines += ["|---" * 9 + "|"]
-    for situation in dict.fromkeys(str(row["situation"]) for row in rows):
+    for situation in dict.fromkeys(row["situation"] for row in rows):
         own = [row for row in rows if row["situation"] == situation]
         counts = [sum(row["outcome"] == name for row in own) for name in outcomes]
-        rules = ", ".join(sorted({str(row["rule"]) for row in own if "rule" in row}))
-        times = np.array([float(str(row["event_to_damping_ms"])) for row in own if row.get("event_to_damping_ms")])
+        rules = ", ".join(sorted({row["rule"] for row in own} - {""}))
+        times = numbers(own, "event_to_damping_ms")
         asked_for = ASKED_OF_STOPS.get(situation)
         within = "" if asked_for is None else f"{int((times <= asked_for).sum())} of {len(own)} in {asked_for:g} ms"
         cells = [situation, len(own), *counts, rules, spread(times), within]
@@ -169,29 +169,36 @@ ASKED_OF_STOPS = {"supervisor killed": 80.0, "supervisor halted": 80.0, "policy 
 
 
 def stops(trials: int, out: Path, situations: list[str], how: str) -> None:
-    """Make every trial of stops in some situations, and write table and rows; how: `patient`, `realtime` or empty."""
+    """Make the missing trials of stops in some situations, then write the table; how: `patient`, `realtime` or empty.
+
+    A trial that ended before its event counts as missing.
+    """
     import stop_trials as of
 
-    begin, rows = time.monotonic(), list[dict[str, object]]()
+    begin, file = time.monotonic(), out / "stops.csv"
     patience = {"patient": of.PATIENT, "realtime": of.REALTIME}.get(how, ())
-    wanted_all = situations or of.SITUATIONS
-    with tempfile.TemporaryDirectory() as folder:
+    rows = [row for row in whole_rows(file) if row["outcome"] != "before"]
+    done = {(row["situation"], int(row["trial"])) for row in rows}
+    wanted = [(name, number) for number in range(trials) for name in situations or of.SITUATIONS]
+    missing = [each for each in wanted if each not in done]
+    with tempfile.TemporaryDirectory() as folder, file.open("w", newline="", encoding="utf-8") as table:
+        writer = csv.DictWriter(table, of.COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
         bundles = of.prepare(Path(folder))
-        missing = [(name, number) for number in range(trials) for name in wanted_all]
-        for workers, wanted in ((2, of.QUIET), (5, of.SITUATIONS[len(of.QUIET) :])):
-            own = [each for each in missing if each[0] in wanted]
-            # Forked: everything is imported once, and the bundles are checked once.
-            with ProcessPoolExecutor(workers, get_context("fork")) as pool:
-                waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patience) for n, each in enumerate(own)]
-                for done in as_completed(waiting):
-                    rows.append(done.result())
-                    print(f"{len(rows)} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
-    rows.sort(key=lambda row: (of.SITUATIONS.index(str(row["situation"])), int(str(row["trial"]))))
+        # Forked: everything is imported once, and the bundles are checked once.
+        with ProcessPoolExecutor(2, get_context("fork")) as pool:
+            waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patience) for n, each in enumerate(missing)]
+            for count, trial in enumerate(as_completed(waiting), 1):
+                writer.writerow(trial.result())
+                table.flush()
+                print(f"{count} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
+    rows = sorted(whole_rows(file), key=lambda row: (of.SITUATIONS.index(row["situation"]), int(row["trial"])))
     text = io.StringIO()
     writer = csv.DictWriter(text, of.COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_text(out / "stops.csv", text.getvalue())
+    write_text(file, text.getvalue())
     command = f"python tools/faults.py --stops --trials {trials}{f' --{how}' if how else ''}"
     command += f" --situations {' '.join(map(repr, situations))}" if situations else ""
     write_text(out / "README.md", PAGE.format(command=command, out=out, revision=git_revision(), table=judge(rows)))
@@ -211,8 +218,8 @@ PAGE = """# How runs are stopped
 * **Refused**: the run ended before any stiff command was sent. **Stiff**: the robot's last command was stiff.
   **Before**: the run ended before its event, three times over.
 * The robot is a process that follows its commands, without physics. `policy killed`, `supervisor killed` and
-  `supervisor halted` are runs of the shipped policy, which stands, two at once; all others play a motion that stands
-  still, five at once: their times are those of a busy machine. Signals come while the robot stands up.
+  `supervisor halted` are runs of the shipped policy, which stands; all others play a motion that stands still. Signals
+  come while the robot stands up. Two trials run at once.
 * `stop with lost commands`: three of ten commands are lost, by a generator whose seed is the trial's number.
 """
 
@@ -222,7 +229,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=50, help="trials of each fault")
     parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=list(FAULTS))
-    parser.add_argument("--stops", action="store_true", help="trials of stops, in place of faults, all of them anew")
+    parser.add_argument("--stops", action="store_true", help="trials of stops, in place of faults")
     parser.add_argument("--patient", action="store_true", help="of --stops: on a machine that does other work")
     parser.add_argument("--realtime", action="store_true", help="of --stops: runs and robots at real-time priority")
     parser.add_argument("--situations", nargs="*", default=[], help="of --stops: some alone")

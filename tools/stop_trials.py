@@ -55,10 +55,10 @@ REALTIME = ("--realtime", "50")
 WHILE_WALKING = 2.7
 """Time from the first stiff command at which the policy has taken over [s]."""
 
-QUIET = ("policy killed", "supervisor killed", "supervisor halted")
-"""Situations whose times count: two trials at once; all others run five at once."""
+OF_POLICY = ("policy killed", "supervisor killed", "supervisor halted")
+"""Situations in which a policy runs; in all others a motion is played."""
 
-SITUATIONS = (*QUIET, "stop with lost commands", "second robot joins (UDP)", "two robots (DDS)")
+SITUATIONS = (*OF_POLICY, "stop with lost commands", "second robot joins (UDP)", "two robots (DDS)")
 SITUATIONS += ("second robot joins (DDS)", *(f"signal {name}" for name in SIGNALS))
 
 COLUMNS = ("situation", "trial", "outcome", "rule", "status", "event_to_damping_ms", "damped_s")
@@ -282,7 +282,7 @@ def attempt(
     """Make one trial; return its row. patience: options of a run on a busy machine."""
     bundle = bundles["dds" if "DDS" in situation else "udp"]
     contract, wait = CHECKED[bundle].bundle.contract, 0.1 + 0.02 * (number % 20)
-    wait += WHILE_WALKING if situation in QUIET else 0.0
+    wait += WHILE_WALKING if situation in OF_POLICY else 0.0
     if bundle == bundles["dds"]:
         robots, port = [Child(lambda: dds_robot(contract, domain))], 0
         robots += [Child(lambda: dds_robot(contract, domain))] if situation.startswith("two") else []
@@ -294,7 +294,7 @@ def attempt(
         robots, words = [Child(robot)], ["--robot", "virtual"]
         port = json.loads(robots[0].line())["port"]
     with tempfile.TemporaryDirectory() as name:
-        run = Child(lambda: deploy(Path(name), bundle, [*words, *patience], port, situation in QUIET))
+        run = Child(lambda: deploy(Path(name), bundle, [*words, *patience], port, situation in OF_POLICY))
         event = np.nan
         if not situation.startswith("two") and robots[0].line(run) == "stiff\n":
             time.sleep(wait)
