@@ -5,10 +5,11 @@
 
 The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`.
 
-One line a trial in `faults.csv`, or `stops.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
-taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is
-a run of its own, with its own standing up. Run it on an idle machine: how late an idle loop is stands beside every
-trial. A run that ended before its fault came, as on a busy machine, is kept, counted apart, and made again.
+One line a trial in `faults.csv`, or `stops.csv`, with which it goes on where it was, killed or not; `faults.md` is the
+table. Times are taken by the robot's own process: when it said something true last, and when the first damping frame
+came. Each trial is a run of its own, with its own standing up. Run it on an idle machine: how late an idle loop is
+stands beside every trial. A run that ended before its fault came, as on a busy machine, is kept, counted apart, and
+made again.
 """
 
 from __future__ import annotations
