@@ -1,13 +1,17 @@
-"""The report: how many sentences are decided, the table of them, and the figure of who follows where."""
+"""The report: how many sentences are decided, the table of them, its figures, and both of its forms."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING
 
-from stiction.report.page import Section, Sheet, figure_block, legend, line_look, new_figure
+from stiction.core.files import write_bytes
+from stiction.files.onset import shipped_onsets
+from stiction.report.page import Sheet, legend, line_look, new_figure
 from stiction_experiments.lab.study import Report
 from stiction_experiments.paper.configurations import Configuration, shares
 from stiction_experiments.paper.decide import Decision, decide, joined
@@ -16,6 +20,7 @@ from stiction_experiments.paper.plan import LEVELS, MAIN
 from stiction_experiments.paper.results import Results
 from stiction_experiments.paper.rows import share_followed
 from stiction_experiments.paper.sentences import Sentence, by_family
+from stiction_experiments.paper.typeset import drawn, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,9 +74,9 @@ def counts(rows: Sequence[SentenceRow]) -> str:
 
 
 def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
-    """Return tables, figures and page; profile: of the estimators of sentence 12."""
+    """Return tables, figures, page and PDF; profile: of the estimators of sentence 12."""
     rows = judge(results)
-    figure, profiles = followed_figure(results), profile_figure(profile)
+    figures = {"followed": followed_figure(results), "profile": profile_figure(profile)}
     table = Sheet(
         "The sentences",
         ("#", "sentence", "asked", "outcome", "evidence"),
@@ -79,27 +84,27 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
     )
     public = [counted(results.configurations)] if results.configurations else []
     lead = counts(rows)
-    alt = "share of commands followed over friction, by training and place"
-    sections = [
-        *([Section("Who follows where", (figure_block(figure, alt),))] if figure else []),
-        *([Section("The printed estimator", (figure_block(profiles, PROFILE),))] if profiles else []),
-        *(Section(sheet.title, (sheet.html(),)) for sheet in public),
-        Section("The sentences", (table.html(),)),
-    ]
+    data = {
+        "all": len(rows),
+        "counts": lead,
+        "walked": figures["followed"] is not None,
+        "sentences": [asdict(row) for row in rows],
+        "estimates": [asdict(row) for row in results.estimates],
+        "onset": asdict(shipped_onsets()),
+    }
+    files = {f"{name}.svg": drawn(figure) for name, figure in figures.items()}
+    files["data.json"] = json.dumps(data, allow_nan=False).encode()
+    typed = typeset(Path(__file__).with_name("report.typ").read_bytes(), files)
     return Report(
         TITLE,
         lead,
         {"sentences": rows},
-        sections=sections,
+        sections=typed.sections,
         sheets=(*public, table),
-        figures={"followed": figure, "profile": profiles},
+        figures=figures,
+        files=lambda out: write_bytes(out / "report.pdf", typed.pdf),
         answer=(lead,),
     )
-
-
-PROFILE = (
-    "root of three objectives over one parameter of a simulated motor, as a multiple of the true one, the others true"
-)
 
 
 def profile_figure(rows: Sequence[ProfileRow]) -> Figure | None:
