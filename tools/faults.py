@@ -1,7 +1,7 @@
 """Injects every fault into runs on the virtual robot, in real time, and measures how soon the robot is damped.
 
     python tools/faults.py --trials 50 --out results/deploy
-    python tools/faults.py --stops --trials 20 --out results/deploy/stops
+    python tools/faults.py --stops --trials 50 --out results/deploy/stops
 
 The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`.
 
