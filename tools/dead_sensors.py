@@ -75,9 +75,8 @@ class Values:
         if good is None:
             return
         apart, still = np.abs(good.position - good.moved).max(), np.abs(good.unmoved).max()
-        errors = safety._errors
-        full = len(errors) == errors.maxlen
-        error = np.abs(np.mean(errors, axis=0)).max() if full else 0.0
+        errors = safety.errors.mean()
+        error = 0.0 if errors is None else np.abs(errors).max()
         tipped = float(np.linalg.norm(np.subtract(good.up, good.turned)))
         limits = (SafetyCfg().apart, RULES["frozen angle"].limit, RULES["attitude and gyroscope"].limit)
         values = np.array([apart, still, tipped, error]) / (*limits, SafetyCfg().torque_error)

@@ -78,19 +78,6 @@ def test_the_velocity_is_a_second_output_where_the_contract_asks_for_it(contract
         broken.step(standing_still(contract), np.full(3, 0.1))
 
 
-def test_a_rehearsal_leaves_the_policy_as_it_was(contract: Contract) -> None:
-    """A rehearsal changes neither history nor last action."""
-    weights = np.random.default_rng(0).normal(size=(contract.observation.size, 18)).astype(np.float32)
-    still, command = standing_still(contract), np.array([0.5, 0.0, 0.0])
-    other = still.each(lambda value: value + 0.1)
-    plain, rehearsed = (load_policy(contract, linear_network(onnx, weights)) for _ in range(2))
-    for _ in range(3):
-        rehearsed.rehearse(other, 2 * command)
-        expected, actual = plain.step(still, command), rehearsed.step(still, command)
-        np.testing.assert_array_equal(actual.observation, expected.observation)
-        np.testing.assert_array_equal(actual.target, expected.target)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -12,7 +12,8 @@ from deployed import CONTRACT, JOINTS, SHORT, STANDING, Run, state
 from stiction.deploy.control import ControlLoop, JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
-from stiction.deploy.runtime.channel import SENSORS, Channel, sight_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.policy_process import PolicyProcess
 from stiction.deploy.runtime.supervisor import Stage
 from stiction.deploy.transports.link import command_layout, command_of, state_layout, state_of, state_vectors
 from stiction.deploy.transports.messages import HEAD, TAIL
@@ -51,6 +52,29 @@ def test_every_damaged_message_is_none() -> None:
         assert STATES.unpack(bytes(damaged)) is None
     for wrong in (b"", data[:-1], data + b"x", COMMANDS.pack(1, 0.0, {}), state_layout(JOINTS - 1, 6).pack(1, 0, {})):
         assert STATES.unpack(wrong) is None
+
+
+def test_a_rehearsal_changes_no_answer() -> None:
+    """A policy process that rehearses before every step sends the targets of one that does not."""
+    bundle = read_bundle(find_bundle(Path("saturn_lite-flat-deception-0.2")))
+    golden, layouts = bundle.golden, (targets_layout(bundle.contract), sight_layout(JOINTS))
+    pairs = [socket_pair() for _ in range(2)]
+    plain, rehearsed = (PolicyProcess(bundle, Channel(end, *layouts)) for end, _ in pairs)
+    ours = [Channel(end, *reversed(layouts)) for _, end in pairs]
+    for t in range(5):
+        sight = {name: getattr(golden, name)[t] for name in SENSORS} | {"velocity": golden.command[t], "mode": RUNNING}
+        for channel in ours:
+            assert channel.send(0.0, {"mode": IDLE}) and channel.send(0.0, sight | {"fault": 0.0})
+        for _ in range(3):
+            rehearsed.rehearse()
+        assert plain.step(0.0, 0) and rehearsed.step(0.0, 0)
+        (expected,), (actual,) = (map(layouts[0].vectors, channel.receive()) for channel in ours)
+        for name in ("target", "action", "requested", "limited_by", "frame"):
+            np.testing.assert_array_equal(actual[name], expected[name])
+            assert np.isfinite(actual[name]).all()
+    for pair in pairs:
+        for end in pair:
+            end.close()
 
 
 def test_the_policy_sees_in_a_run_what_it_saw_in_training() -> None:

@@ -82,7 +82,8 @@ def uprightness(quaternion: np.ndarray) -> np.ndarray:
 def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
     """Return roll, atan2(2(wx + yz), 1 - 2(x² + y²)), and pitch, asin(2(wy - zx)), shape (..., 2)."""
     entries = np.asarray(quaternion, dtype=np.float64)
-    w, x, y, z = (entries[..., number] for number in range(4))
+    # Python's numbers for one frame: the same to the last bit, and several times as fast as arrays without axes.
+    w, x, y, z = entries.tolist() if entries.ndim == 1 else np.moveaxis(entries, -1, 0)
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     # Rounding may carry the sine beyond 1; np.clip is slower on a few numbers.
     pitch = np.arcsin(np.minimum(np.maximum(2.0 * (w * y - z * x), -1.0), 1.0))

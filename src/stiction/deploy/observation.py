@@ -52,9 +52,25 @@ MEASURED: dict[str, Callable[[Sensors, np.ndarray, np.ndarray], np.ndarray]] = {
     "joint_position": lambda sensors, command, action: sensors.joint_position,
     "joint_velocity": lambda sensors, command, action: sensors.joint_velocity,
     "last_action": lambda sensors, command, action: action,
-    FIRST_SIDE: lambda sensors, command, action: np.ones((*command.shape[:-1], 1)),
+    "base_linear_velocity": lambda sensors, command, action: _estimated(
+        sensors.base_linear_velocity, "the velocity of its base", "base_linear_velocity"
+    ),
+    "height_scan": lambda sensors, command, action: _estimated(sensors.heights, "the ground around it", "heights"),
 }
 """Term -> its function of the sensors, the command and the last action."""
+
+
+def _estimated(value: np.ndarray | None, quantity: str, field: str) -> np.ndarray:
+    """Return an observed signal that no sensor of a robot has.
+
+    Raises `PolicyError` where it is missing: zeros would tell the policy that the robot stands still.
+    """
+    if value is None:
+        raise PolicyError(
+            f"this policy observes {quantity}, which no sensor of a robot measures; it walks in the engine "
+            f"mujoco, and on a robot only with an estimator that gives Sensors.{field}"
+        )
+    return value
 
 
 class ObservationBuilder:
@@ -80,12 +96,21 @@ class ObservationBuilder:
         self.layout = layout
         self._standing = np.asarray(standing, dtype=np.float64)
         self._batch = batch
-        names = {term.name for term in layout.terms}
-        self._measured = {name: term for name, term in MEASURED.items() if name in names}
-        self._zeros = {term.name: np.zeros((*batch, term.size)) for term in layout.terms if term.name in PLACEHOLDERS}
+        self._terms = [(term.name, (*batch, term.size), MEASURED.get(term.name)) for term in layout.terms]
+        self._constant = {name: np.zeros(shape) for name, shape, _ in self._terms if name in PLACEHOLDERS}
+        self._constant |= {name: np.ones(shape) for name, shape, _ in self._terms if name == FIRST_SIDE}
+        if known_friction is not None:
+            self._constant[TERM] = friction_of_robots(layout, known_friction, batch)
+        self._lacks_friction = known_friction is None and layout.has(TERM)
+        zero = {} if layout.heights is None else {"height_scan": layout.heights.offset}
+        zeros = [self._standing if term.offset == "standing" else zero.get(term.name, 0.0) for term in layout.terms]
+        self._offset = np.concatenate(
+            [np.broadcast_to(value, term.size) for value, term in zip(zeros, layout.terms, strict=True)]
+        )
         self._scale = np.concatenate([term.scales for term in layout.terms])
-        self._clip = np.concatenate([term.clips for term in layout.terms])
-        self._history = np.zeros((*batch, layout.depth, layout.frame_size))
+        self._most = np.concatenate([term.clips for term in layout.terms])
+        self._least = -self._most
+        self._history = np.zeros((*batch, layout.depth, layout.frame_size), np.float32)
         order = layout.order()
         # Most layouts are stacked as the history is kept: then nothing has to be reordered at every step.
         self._order = None if np.array_equal(order, np.arange(layout.depth * layout.frame_size)) else order
@@ -100,7 +125,6 @@ class ObservationBuilder:
             if control_period is None:
                 raise ValueError("a layout with a gait clock needs control_period, the time between two steps")
             self._clock = Clock(layout.clock, control_period, batch)
-        self._known = None if known_friction is None else friction_of_robots(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Empty the history of the robots in `mask` (bool, the batch's shape), or of all."""
@@ -113,29 +137,27 @@ class ObservationBuilder:
         previous step, after clipping, (*batch, J); zero at first. Raises `StictionError`: the layout has the joints'
         known friction, and none was given.
         """
-        raw = {name: term(sensors, command, last_action) for name, term in self._measured.items()}
-        raw |= self._not_measured(sensors)
+        known = self._constant
         if self._slow is not None:
-            raw |= self._slow.terms()
+            known = known | self._slow.terms()
         if self._clock is not None:
-            raw |= self._clock.terms()
-        if self._known is not None:
-            raw[TERM] = self._known
-        elif self.layout.has(TERM):
+            known = known | self._clock.terms()
+        if self._lacks_friction:
             raise PolicyError(
                 "this policy observes the friction of its joints, which is not known: export its bundle again, "
                 "with --joints for what a bench identified, or give known_friction"
             )
         parts = []
-        for term in self.layout.terms:
-            value = self._zeros.get(term.name)
-            if value is None:
-                value = np.asarray(raw[term.name])
-                if value.shape != (*self._batch, term.size):
-                    raise ValueError(f"{term.name} has shape {value.shape}; expected {(*self._batch, term.size)}")
-            parts.append(value - self._standing if term.offset == "standing" else value)
+        for name, shape, measure in self._terms:
+            value = known[name] if measure is None else np.asarray(measure(sensors, command, last_action))
+            if value.shape != shape:
+                raise ValueError(f"{name} has shape {value.shape}; expected {shape}")
+            parts.append(value)
+        frame = np.concatenate(parts, axis=-1) - self._offset
+        frame *= self._scale
         # As np.clip, in half of its time for one robot.
-        return np.minimum(np.maximum(np.concatenate(parts, axis=-1) * self._scale, -self._clip), self._clip)
+        np.maximum(frame, self._least, out=frame)
+        return np.minimum(frame, self._most, out=frame)
 
     def step(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
         """Append the present frame and return the network's input, a new float32 array, shape (*batch, size).
@@ -147,36 +169,16 @@ class ObservationBuilder:
             self._slow.step(error, np.asarray(sensors.joint_velocity), self._empty)
         if self._clock is not None:
             self._clock.step(command, self._empty)
-        frame = self.frame(sensors, command, last_action)
+        frame = self.frame(sensors, command, last_action).astype(np.float32)
         if self._empty.any():
-            before = frame[..., None, :] if self.layout.fill == "first" else np.zeros(1)
+            before = frame[..., None, :] if self.layout.fill == "first" else np.zeros(1, np.float32)
             self._history = np.where(self._empty[..., None, None], before, self._history)
             self._empty = np.zeros(self._batch, dtype=bool)
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
         stacked = self._history.reshape(*self._batch, -1)
-        # A copy, by astype: what is handed out must not change when the history moves on.
-        return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
-
-    def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:
-        """Return observed signals that no sensor of a robot has.
-
-        Raises `PolicyError` where one is missing: zeros would tell the policy that the robot stands still.
-        """
-        signals: dict[str, np.ndarray] = {}
-        for term, field, quantity in (
-            ("base_linear_velocity", "base_linear_velocity", "the velocity of its base"),
-            ("height_scan", "heights", "the ground around it"),
-        ):
-            if (value := getattr(sensors, field)) is not None:
-                scan = self.layout.heights if term == "height_scan" else None
-                signals[term] = value if scan is None else value - scan.offset
-            elif self.layout.has(term):
-                raise PolicyError(
-                    f"this policy observes {quantity}, which no sensor of a robot measures; it walks in the engine "
-                    f"mujoco, and on a robot only with an estimator that gives Sensors.{field}"
-                )
-        return signals
+        # A copy: what is handed out must not change when the history moves on.
+        return stacked.copy() if self._order is None else stacked[..., self._order]
 
 
 class Clock:

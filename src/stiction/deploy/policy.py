@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass
 
@@ -50,8 +49,9 @@ class Network:
             outputs = self._session.run(self._outputs, {INPUT: observation})
         except Exception as error:  # Of a class for each status code, see `open_session`.
             raise PolicyError(f"policy.onnx failed on an observation of shape {observation.shape}: {error}") from error
-        if not all(np.isfinite(output).all() for output in outputs):
-            raise PolicyError("policy.onnx returned an action that is not finite; do not run this policy")
+        for output in outputs:
+            if not np.isfinite(output).all():
+                raise PolicyError("policy.onnx returned an action that is not finite; do not run this policy")
         return outputs[0], outputs[1] if len(outputs) > 1 else None
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
@@ -167,21 +167,13 @@ class Policy:
             target = compensated(target, sensors.joint_position, sensors.joint_velocity, angle, push)
         return PolicyStep(observation, action, target, None if velocity is None else velocity.reshape(*self._batch, -1))
 
-    def rehearse(self, sensors: Sensors, command: np.ndarray) -> None:
-        """Compute a step and forget it: the next one finds code and weights in the processor's cache.
-
-        A policy that runs every 20 ms and sleeps in between is several times slower without. Arguments: as of `step`.
-        """
-        self._builder.frame(sensors, command, self._last_action)
-        self._network(np.zeros((math.prod(self._batch), self.contract.observation.size), np.float32))
-
 
 def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
     """Reject an invalid reading of any robot of a batch; see `Policy.step`."""
-    signals = (*sensors.arrays().items(), ("command", command))
+    signals = sensors.arrays() | {"command": command}
     # One pass over all of it in the usual case; the name is searched only where something is wrong.
-    if not np.isfinite(np.concatenate([np.ravel(value) for _, value in signals])).all():
-        name = next(name for name, value in signals if not np.isfinite(value).all())
+    if not np.isfinite(np.concatenate(list(signals.values()), axis=None)).all():
+        name = next(name for name, value in signals.items() if not np.isfinite(value).all())
         kind = "command" if name == "command" else f"sensor {name!r}"
         raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
     square = np.square(sensors.quaternion).sum(axis=-1)

@@ -85,13 +85,21 @@ class Channel:
     def receive(self) -> list[Message]:
         """Return the messages that have come, oldest first; never waits."""
         assert self._receives is not None
-        messages: list[Message] = []
+        return [message for data in self._read() if (message := self._receives.unpack(data)) is not None]
+
+    def newest(self) -> Message | None:
+        """Return the newest of the messages that have come, without a look at older ones; never waits."""
+        assert self._receives is not None
+        return next(filter(None, map(self._receives.unpack, reversed(self._read()))), None)
+
+    def _read(self) -> list[bytes]:
+        assert self._receives is not None
+        datagrams: list[bytes] = []
         with suppress(OSError):
             # One byte too many: a longer datagram would be cut to the right length.
             while data := self.end.recv(self._receives.bytes + 1):
-                if (message := self._receives.unpack(data)) is not None:
-                    messages.append(message)
-        return messages
+                datagrams.append(data)
+        return datagrams
 
     def close(self) -> None:
         """Close this end."""

@@ -11,7 +11,7 @@ from collections import deque
 
 import numpy as np
 
-from stiction.core.rotation import cross, up_in_frames
+from stiction.core.rotation import up_axis
 from stiction.deploy.control import JointCommand
 from stiction.deploy.plausibility import RULES, Violation
 from stiction.deploy.runtime.config import SafetyCfg
@@ -25,10 +25,12 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
     quaternion: w x y z, shape (4,); angular_velocity: in the base's frame [rad/s], shape (3,). Gravity's direction g in
     the base's frame changes by −ω × g.
     """
-    now = -up_in_frames(quaternion / np.linalg.norm(quaternion))
-    ahead = now - horizon * cross(angular_velocity, now)
-    ahead = ahead / np.linalg.norm(ahead)
-    return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
+    # Python's numbers: on three of them NumPy takes several times as long, and this runs at every reading.
+    length = math.hypot(*quaternion.tolist())
+    x, y, z = (-entry for entry in up_axis(*(quaternion / length).tolist()))
+    p, q, r = (horizon * rate for rate in angular_velocity.tolist())
+    ahead = (x - (q * z - r * y), y - (r * x - p * z), z - (p * y - q * x))
+    return math.acos(min(1.0, max(-1.0, -z))), math.acos(min(1.0, max(-1.0, -ahead[2] / math.hypot(*ahead))))
 
 
 RESPONSE = 0.006
@@ -50,19 +52,48 @@ LOST_SECONDS = 0.1
 """Time over which lost messages are counted [s]."""
 
 
+class Window:
+    """The last readings of some numbers, in their order, side by side in memory: so their mean needs no copy."""
+
+    def __init__(self, seconds: float, period: float, *shape: int) -> None:
+        """Start empty; seconds: time that it holds [s]; period: between two readings [s]; shape: of one reading."""
+        self._length = max(1, round(seconds / period))
+        self._rows, self._end = np.empty((2 * self._length, *shape)), 0
+
+    def clear(self) -> None:
+        """Forget all readings."""
+        self._end = 0
+
+    def append(self, row: np.ndarray | float) -> None:
+        """Add a reading, and forget one that is older than the window's time."""
+        if self._end == len(self._rows):
+            self._rows[: self._length] = self._rows[self._length :]
+            self._end = self._length
+        self._rows[self._end] = row
+        self._end += 1
+
+    def mean(self) -> np.ndarray | None:
+        """Return the mean over the window's time, None until it is full."""
+        if self._end < self._length:
+            return None
+        mean: np.ndarray = self._rows[self._end - self._length : self._end].mean(axis=0)
+        return mean
+
+
 class Safety:
     """Rules over one robot's readings."""
 
     def __init__(self, contract: Contract, cfg: SafetyCfg, period: float) -> None:
         """Start without readings; period: time between two readings [s]."""
         self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
-        self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
-        readings = max(1, round(cfg.torque_error_seconds / period))
-        self._errors: deque[np.ndarray] = deque(maxlen=readings)
+        joints = contract.num_joints
+        self._torques = Window(cfg.torque_seconds, period, joints)
+        self.errors = Window(cfg.torque_error_seconds, period, joints)
+        """Shares of the torque limits by which motors gave another torque than their gains ask for, shape (J,)."""
         self._prompt = 2.0 * max(RESPONSE, period)
         self._expected: deque[tuple[float, np.ndarray]] = deque(maxlen=max(1, round(RESPONSE / period)))
         self._command: JointCommand | None = None
-        self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
+        self._squares = Window(cfg.flailing_seconds, period)
         # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
         # readings.
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
@@ -72,7 +103,7 @@ class Safety:
 
     def reset(self) -> None:
         """Forget all earlier readings."""
-        for earlier in (self._torques, self._squares, self._lost, self._errors, self._expected):
+        for earlier in (self._torques, self._squares, self._lost, self.errors, self._expected):
             earlier.clear()
 
     def commanded(self, command: JointCommand) -> None:
@@ -84,8 +115,13 @@ class Safety:
 
         A field that is NaN in all its entries counts only after it has once been finite: many robots lack some fields.
         """
-        for name in OTHER_FIELDS:
-            values = np.atleast_1d(getattr(state, name))
+        fields = {name: getattr(state, name) for name in OTHER_FIELDS}
+        # One pass over all of it in the usual case; the field is searched only where one is not finite.
+        if np.isfinite(np.concatenate(list(fields.values()), axis=None)).all():
+            self._reported.update(fields)
+            fields = {}
+        for name, value in fields.items():
+            values = np.atleast_1d(value)
             right = np.isfinite(values)
             if right.all():
                 self._reported.add(name)
@@ -133,11 +169,9 @@ class Safety:
         speed = np.abs(sensors.joint_velocity)
         if (worst := self._worst(speed, cfg.joint_speed)) is not None:
             return Violation("joint speed", self._names[worst], float(speed[worst]), cfg.joint_speed, "rad/s")
-        self._squares.append(float(np.square(speed).mean()))
-        if len(self._squares) == self._squares.maxlen:
-            rms = float(np.sqrt(np.mean(self._squares)))
-            if rms > cfg.flailing:
-                return Violation("flailing", None, rms, cfg.flailing, "rad/s")
+        self._squares.append(np.square(speed).mean())
+        if (square := self._squares.mean()) is not None and (rms := math.sqrt(square)) > cfg.flailing:
+            return Violation("flailing", None, rms, cfg.flailing, "rad/s")
         return self._of_drives(state, answers) or self._of_motors(state)
 
     def _of_drives(self, state: RobotState, answers: bool) -> Violation | None:
@@ -147,11 +181,11 @@ class Safety:
             self._expected.clear()
             return None
         if command is None or not command.kp.any():
-            self._errors.clear()
+            self.errors.clear()
             self._expected.clear()
             return None
         asked = command.forward + command.kp * (command.target - sensors.joint_position)
-        asked = np.clip((asked - command.kd * sensors.joint_velocity) / self._limit, -1.0, 1.0)
+        asked = np.minimum(np.maximum((asked - command.kd * sensors.joint_velocity) / self._limit, -1.0), 1.0)
         # An earlier reading, behind which others were lost, does not show it either.
         if len(self._expected) == self._expected.maxlen and state.time - self._expected[0][0] < self._prompt:
             before, measured = self._expected[0][1], torque / self._limit
@@ -160,33 +194,30 @@ class Safety:
             weak = driving & (before * measured >= 0.0) & (np.abs(measured) < np.abs(before))
             weak &= np.abs(sensors.joint_velocity) > WEAK_SPEED
             # Exactly zero is a robot that measures none.
-            self._errors.append(np.where(weak | np.isnan(error) | (torque == 0.0), 0.0, error))
+            self.errors.append(np.where(weak | np.isnan(error) | (torque == 0.0), 0.0, error))
         self._expected.append((state.time, asked))
-        if len(self._errors) < (self._errors.maxlen or 1):
+        mean = self.errors.mean()
+        if mean is None or (worst := self._worst(off := np.abs(mean), self._cfg.torque_error)) is None:
             return None
-        mean = np.abs(np.mean(self._errors, axis=0))
-        if (worst := self._worst(mean, self._cfg.torque_error)) is None:
-            return None
-        value, limit = (float(share * self._limit[worst]) for share in (mean[worst], self._cfg.torque_error))
+        value, limit = (float(share * self._limit[worst]) for share in (off[worst], self._cfg.torque_error))
         return Violation("torque and command", self._names[worst], value, limit, "N m")
 
     def _of_motors(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of torques and temperatures; unreported values are not judged."""
         cfg = self._cfg
-        self._torques.append(np.abs(np.nan_to_num(state.joint_torque)) / self._limit)
-        if len(self._torques) == self._torques.maxlen:
-            share = np.mean(self._torques, axis=0)
-            if (worst := self._worst(share, cfg.torque)) is not None:
-                value, limit = (float(part * self._limit[worst]) for part in (share[worst], cfg.torque))
-                return Violation("torque", self._names[worst], value, limit, "N m")
-        if (worst := self._worst(np.nan_to_num(state.temperature), cfg.temperature)) is not None:
+        self._torques.append(np.abs(_reported(state.joint_torque)) / self._limit)
+        share = self._torques.mean()
+        if share is not None and (worst := self._worst(share, cfg.torque)) is not None:
+            value, limit = (float(part * self._limit[worst]) for part in (share[worst], cfg.torque))
+            return Violation("torque", self._names[worst], value, limit, "N m")
+        if (worst := self._worst(_reported(state.temperature), cfg.temperature)) is not None:
             hot = float(state.temperature[worst])
             return Violation("temperature", self._names[worst], hot, cfg.temperature, "°C")
-        self._lost.append(np.nan_to_num(state.lost))
+        self._lost.append(_reported(state.lost))
         missed = self._lost[-1] - self._lost[0]
         if (worst := self._worst(missed, cfg.lost)) is not None:
             return Violation("motor lost", self._names[worst], float(missed[worst]), cfg.lost)
-        fault = np.nan_to_num(state.motor_fault)
+        fault = _reported(state.motor_fault)
         if cfg.motor_fault and (worst := self._worst(np.abs(fault), 0.0)) is not None:
             return Violation("motor fault", self._names[worst], float(fault[worst]), 0.0)
         return None
@@ -194,3 +225,8 @@ class Safety:
     def _worst(self, values: np.ndarray, limit: float) -> int | None:
         worst = int(np.argmax(values))
         return worst if values[worst] > limit else None
+
+
+def _reported(values: np.ndarray) -> np.ndarray:
+    """Return numbers with zeros in place of those that a robot does not report."""
+    return np.where(np.isnan(values), 0.0, values)

@@ -134,7 +134,7 @@ class Supervisor:
         self._hunting = Hunting(contract.num_joints, period)
         self.hunts = np.zeros(contract.num_joints, bool)
         """Joints that hunted while standing was commanded: from then on nothing is fed forward to them."""
-        self._damping = kd
+        self._damping, self._nothing = kd, np.full(contract.num_joints, math.nan)
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
         self._answered, self._asked, self._commanded = now, now, now
@@ -143,6 +143,7 @@ class Supervisor:
         self._sent = -math.inf
         self._remote, self._ran, self._position, self._period = False, 0.0, standing, period
         self._turned, self._framed = math.nan, now
+        self._drives: list[bytes | None] = []
         self._settling = Settling(cfg, contract.num_joints, now)
 
     @property
@@ -377,10 +378,10 @@ class Supervisor:
     ) -> Out:
         if self.cfg.armed and command is not None:
             self._safety.commanded(command)
-        nothing = np.full(self.contract.num_joints, math.nan)
         if limited is None:
-            limited = Limited(nothing if command is None else command.target, np.full(len(nothing), FREE))
-        return Out(self.stage, command, nothing if requested is None else requested, limited)
+            target = self._nothing if command is None else command.target
+            limited = Limited(target, np.full(len(target), FREE))
+        return Out(self.stage, command, self._nothing if requested is None else requested, limited)
 
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         acting = self.stage is Stage.RUN
@@ -395,8 +396,13 @@ class Supervisor:
         measured = now - state.age
         gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and measured - self._since > GAINS_AFTER))
         kp, kd = (_reported(values) if gains and self._source is None else None for values in (state.kp, state.kd))
-        differences = compare_drive(self.contract, kp, kd, _reported(state.torque_limit))
-        return differences[0] if differences else self._safety.check(state, answers=measured > self._sent)
+        drives = (kp, kd, _reported(state.torque_limit))
+        # Gains and limits that are those of the last reading, to the last bit, were judged there.
+        if (told := [None if values is None else values.tobytes() for values in drives]) != self._drives:
+            if differences := compare_drive(self.contract, *drives):
+                return differences[0]
+            self._drives = told
+        return self._safety.check(state, answers=measured > self._sent)
 
 
 def _reported(values: np.ndarray) -> np.ndarray | None:
