@@ -41,7 +41,8 @@ def matrices_about(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 def matrix(quaternion: np.ndarray) -> np.ndarray:
     """Return the rotation matrix of a frame, shape (3, 3): its columns are the frame's axes in the world."""
-    w, x, y, z = quaternion
+    # Python's numbers, see `roll_pitch`.
+    w, x, y, z = quaternion.tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -104,6 +105,15 @@ def yaws(quaternion: np.ndarray) -> np.ndarray:
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def tilted_once(quaternion: np.ndarray, a: float, b: float) -> np.ndarray:
+    """Return one quaternion, shape (4,), times the small rotation 1 + a i + b j; equal to `tilted` to the bit."""
+    w, x, y, z = quaternion.tolist()
+    product = (w - x * a - y * b, w * a + x - z * b, w * b + y + z * a, z + x * b - y * a)
+    # Summed in this order, as NumPy sums four numbers; `math.hypot` rounds otherwise.
+    p, q, r, s = product
+    return np.array(product) / math.sqrt(p * p + q * q + r * r + s * s)
+
+
 def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
     """Return N quaternions times the small rotations 1 + a i + b j, shape (N, 3): rolls of 2a, pitches of 2b."""
     w, x, y, z = quaternion.T
@@ -132,7 +142,7 @@ def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the cross product of two vectors, shape (3,), as `np.cross`, which is slow on single vectors."""
-    (ax, ay, az), (bx, by, bz) = a, b
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 

@@ -192,6 +192,7 @@ class JointFriction:
         """Combine laws; timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
         self._decay = [LAWS[term.law].smoothing ** (timestep / SMOOTHING_PERIOD) for term in terms]
+        self._wears = [not has_coefficient(term.law) for term in terms]
         self.reset()
 
     @classmethod
@@ -222,10 +223,10 @@ class JointFriction:
         load = motion.joint_force + motion.joint_torque
         signals = {"velocity": motion.joint_velocity, "load": load, "torque": torque}
         total = np.zeros_like(motion.joint_velocity)
-        for index, (term, decay, last) in enumerate(zip(self._terms, self._decay, self._last, strict=True)):
-            bound = term.bound(signals)
+        for index, (term, decay, wears) in enumerate(zip(self._terms, self._decay, self._wears, strict=True)):
+            bound, last = term.bound(signals), self._last[index]
             if decay and last is not None:
                 bound = decay * last + (1.0 - decay) * bound
             self._last[index] = bound
-            total = total + (bound if has_coefficient(term.law) else wear * bound)
+            total = total + (wear * bound if wears else bound)
         return total

@@ -56,6 +56,9 @@ class MujocoEngine:
         if contact_time is not None:
             model.geom_solref[:, 0] = contact_time
         mujoco.mj_setConst(model, self._data)
+        # Views of MuJoCo's own memory: to ask for them takes as long as to read them.
+        self._torque, self._bound = self._data.qfrc_applied[self._free :], model.dof_frictionloss[self._free :]
+        self._position, self._speed, self._sensed = self._data.qpos, self._data.qvel, self._data.sensordata
         self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
@@ -69,10 +72,9 @@ class MujocoEngine:
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep; see `Engine.step`."""
-        self._data.qfrc_applied[self._free :] = torque
-        self._model.dof_frictionloss[self._free :] = friction
+        self._torque[:], self._bound[:] = torque, friction
         mujoco.mj_step(self._model, self._data)
-        check_speed(self.name, self._data.qvel)
+        check_speed(self.name, self._speed)
 
     def push(self, velocity: np.ndarray) -> None:
         """Push the robot; see `Pushable.push`."""
@@ -100,27 +102,27 @@ class MujocoEngine:
 
     def motion(self, loads: bool = True) -> Motion:
         """Return the present motion; see `Motion`."""
-        data, feet = self._data, self._legs
+        angles, speeds = self._position, self._speed
         force, torque = self._transmitted() if loads else np.zeros((2, self._joints))
         if self.body.fixed:
             position, quaternion = self._model.body_pos[self._base].copy(), self._model.body_quat[self._base].copy()
             velocity, rate = np.zeros(3), np.zeros(3)
         else:
-            position, quaternion = data.qpos[:3].copy(), data.qpos[3:7].copy()
-            velocity, rate = into_frame(quaternion, data.qvel[:3]), data.qvel[3:6].copy()
+            position, quaternion = angles[:3].copy(), angles[3:7].copy()
+            velocity, rate = into_frame(quaternion, speeds[:3]), speeds[3:6].copy()
         return Motion(
             base_position=position,
             base_quaternion=quaternion,
             base_linear_velocity=velocity,
             base_angular_velocity=rate,
-            joint_position=data.qpos[-self._joints :].copy(),
-            joint_velocity=data.qvel[-self._joints :].copy(),
-            foot_contact=data.sensordata[:feet] >= TOUCH,
+            joint_position=angles[-self._joints :].copy(),
+            joint_velocity=speeds[-self._joints :].copy(),
+            foot_contact=self._sensed[: self._legs] >= TOUCH,
             joint_force=force,
             joint_torque=torque,
         )
 
     def _transmitted(self) -> np.ndarray:
         """Return |F| and |T| of every joint in the last step [N, N m], shape (2, J)."""
-        wrench = np.moveaxis(self._data.sensordata[self._legs :].reshape(self._joints, 2, 3), 1, 0)
+        wrench = np.moveaxis(self._sensed[self._legs :].reshape(self._joints, 2, 3), 1, 0)
         return np.sqrt(np.square(wrench).sum(-1))

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.rotation import tilted
+from stiction.core.rotation import tilted_once
 
 LOWEST_VOLTAGE = 0.5
 """Minimum battery voltage over its nominal one [1]; the sag ends there."""
@@ -128,14 +128,14 @@ class Gears:
     def __init__(self, gap: np.ndarray, inertia: np.ndarray, timestep: float) -> None:
         """Make the rotors: `gap`: full width at the joint [rad], 0 for a rigid one; inertia: I [kg m²]."""
         self._half, self._inertia, self._timestep = 0.5 * gap, inertia, timestep
-        self._rigid = not gap.any()
+        self._rigid, self._gapped = not gap.any(), gap > 0
         self.reset(np.zeros_like(gap))
 
     def reset(self, position: np.ndarray) -> None:
         """Reset to rest at joint angles [rad], the teeth in the middle of their gaps."""
         self.angle, self.velocity = position.copy(), np.zeros_like(position)
         """Angle and velocity of the rotors, φ [rad] and φ' [rad/s]."""
-        self.side = np.where(self._half > 0, 0, 1)
+        self.side = np.where(self._gapped, 0, 1)
         """Side of the touching teeth: -1 or 1; 0 in the gap."""
         self._link_velocity, self._link_acceleration = np.zeros_like(position), np.zeros_like(position)
 
@@ -171,11 +171,11 @@ class Gears:
         # Teeth that have just parted are still at the edge of the gap; only those that move outward meet.
         closing = lead * (free_velocity - velocity) >= 0
         hit = ~engaged & (np.abs(lead) >= self._half) & closing
-        parted = engaged & (self._half > 0) & (self.side * transmitted < 0)
+        parted = engaged & self._gapped & (self.side * transmitted < 0)
         # Teeth that part begin where they were; teeth that meet keep the rotor's velocity until the next step.
         side = np.where(hit, np.where(lead >= 0, 1, -1), self.side)
         self.angle = np.where(engaged | hit, position + side * self._half, free_angle)
-        self.angle = np.where(self._half > 0, self.angle, position)
+        self.angle = np.where(self._gapped, self.angle, position)
         self.velocity = np.where(engaged, velocity, free_velocity)
         self.side = np.where(parted, 0, side)
         self._link_acceleration = (velocity - self._link_velocity) / step
@@ -222,6 +222,8 @@ class Encoders:
     def __init__(self, errors: SensorErrors, timestep: float) -> None:
         """Prepare the encoders; timestep: of the physics, at which the controllers run [s]."""
         self._errors, self._timestep = errors, timestep
+        time = errors.velocity_filter
+        self._fresh = 1.0 - np.exp(-timestep / time) if time else None
 
     def reset(self, angle: np.ndarray) -> None:
         """Reset to rotors at rest at an angle [rad]."""
@@ -231,10 +233,9 @@ class Encoders:
     def follow(self, angle: np.ndarray, velocity: np.ndarray) -> None:
         """Measure the rotors after a step: true angles φ [rad], velocities φ' [rad/s]."""
         before, self.angle = self.angle, self._measured(angle)
-        if self._errors.velocity_filter:
-            fresh = 1.0 - np.exp(-self._timestep / self._errors.velocity_filter)
+        if self._fresh is not None:
             # Of counted angles: the steps of the encoder are in the velocity, as on a motor controller.
-            self.velocity = self.velocity + fresh * ((self.angle - before) / self._timestep - self.velocity)
+            self.velocity = self.velocity + self._fresh * ((self.angle - before) / self._timestep - self.velocity)
         else:
             self.velocity = velocity.copy()
 
@@ -252,6 +253,8 @@ class Imu:
         """Prepare the IMU; period: between two readings [s]; generator: of the noise."""
         self._errors, self._generator = errors, generator
         self._decay = float(np.exp(-period / WANDERING))
+        # So that the error's variance stays that of the start, whatever the period.
+        self._fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)
         self.reset()
 
     def reset(self) -> None:
@@ -261,9 +264,6 @@ class Imu:
     def read(self, quaternion: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return measured orientation and angular velocity, from the true ones; shapes (4,) and (3,) [rad/s]."""
         errors, draw = self._errors, self._generator.standard_normal
-        # So that its variance stays that of the start, whatever the period.
-        fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)
-        self._wander = self._decay * self._wander + fresh * draw(2)
+        self._wander = self._decay * self._wander + self._fresh * draw(2)
         half = 0.5 * (errors.tilt_bias + self._wander)
-        turned = tilted(quaternion[None], np.array([[1.0, *half]]))[0]
-        return turned, rate + errors.gyroscope_bias + errors.gyroscope_noise * draw(3)
+        return tilted_once(quaternion, *half.tolist()), rate + errors.gyroscope_bias + errors.gyroscope_noise * draw(3)

@@ -39,9 +39,9 @@ class FrictionShape:
     def at(self, coulomb: np.ndarray, load: float, timestep: float) -> JointFriction:
         """Return the friction at a level: coulomb [N m], (J,), load coefficient [-]; timestep: of the physics [s]."""
         numbers = {"static_ratio": self.static_ratio, "stribeck_velocity": self.stribeck_velocity}
-        return JointFriction(
-            timestep, Term("stribeck", coulomb * self.share, numbers), Term("load", load * self.load_share)
-        )
+        # A law without a level would be computed in every physics step, for nothing.
+        loads = [Term("load", load * self.load_share)] if load else []
+        return JointFriction(timestep, Term("stribeck", coulomb * self.share, numbers), *loads)
 
 
 @dataclass(frozen=True)

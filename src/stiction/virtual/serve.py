@@ -98,7 +98,8 @@ class RobotProcess:
         self._world = World(partial(make_engine, cfg.engine))
         build = self._world.on_bench if cfg.stand else self._world.robot
         self._robot: VirtualRobot = build(cfg.case, spec, noise)
-        self._port, self._spec = port, spec
+        self._port, self._spec, self._limits = port, spec, spec.joint_values("torque_limit")
+        self._warm, self._still = np.full(spec.num_joints, ROOM_TEMPERATURE), np.zeros(spec.num_joints)
         self._peer: tuple[str, int] | None = None
         self._commands = command_layout(spec.num_joints)
         self._states = state_layout(spec.num_joints, len(spec.foot_names))
@@ -201,14 +202,14 @@ class RobotProcess:
             sensors=reading.sensors,
             acceleration=force,
             joint_torque=reading.joint_torque,
-            temperature=np.full(self._spec.num_joints, ROOM_TEMPERATURE),
-            lost=np.zeros(self._spec.num_joints),
-            motor_fault=np.zeros(self._spec.num_joints),
+            temperature=self._warm,
+            lost=self._still,
+            motor_fault=self._still,
             foot_contact=reading.foot_contact.astype(float),
             battery=BATTERY,
             kp=self._command.kp,
             kd=self._command.kd,
-            torque_limit=self._spec.joint_values("torque_limit"),
+            torque_limit=self._limits,
             command=self._taken,
         )
         return self._last
