@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import subprocess
 import sys
 import tempfile
@@ -67,6 +68,8 @@ class Values:
     def __init__(self, loop: Lockstep) -> None:
         """Begin with a run."""
         self._loop, self.largest = loop, np.zeros(len(SENSORS))
+        limits = (SafetyCfg().apart, RULES["frozen angle"].limit, RULES["attitude and gyroscope"].limit)
+        self._limits = np.array([*limits, SafetyCfg().torque_error])
 
     def look(self) -> None:
         """Look at what the rules see now."""
@@ -77,10 +80,8 @@ class Values:
         apart, still = np.abs(good.position - good.moved).max(), np.abs(good.unmoved).max()
         errors = safety.errors.mean()
         error = 0.0 if errors is None else np.abs(errors).max()
-        tipped = float(np.linalg.norm(np.subtract(good.up, good.turned)))
-        limits = (SafetyCfg().apart, RULES["frozen angle"].limit, RULES["attitude and gyroscope"].limit)
-        values = np.array([apart, still, tipped, error]) / (*limits, SafetyCfg().torque_error)
-        self.largest = np.maximum(self.largest, values)
+        values = np.array([apart, still, math.dist(good.up, good.turned), error])
+        self.largest = np.maximum(self.largest, values / self._limits)
 
 
 Record = list[tuple[RobotState, JointCommand]]

@@ -212,7 +212,7 @@ class ReadingGuard:
             or self._in_time(time, now)
             or self._orientation(good)
             or self._joints(good)
-            or self._motion(good, acting and _norm(command) > MOVING)
+            or self._motion(good, acting and math.hypot(*command) > MOVING)
             or self._command(command)
         )
 
@@ -257,7 +257,7 @@ class ReadingGuard:
 
     def _orientation(self, good: _Good) -> Violation | None:
         """Judge orientation and rate by themselves, and the first orientation as that of a robot that stands."""
-        length, most = _norm(good.quaternion), self.limits["quaternion length"]
+        length, most = math.hypot(*good.quaternion), self.limits["quaternion length"]
         if not abs(length - 1.0) <= most:
             return self._broken("quaternion length", length, 1.0 + math.copysign(most, length - 1.0))
         if (broken := self._over("turn rate", max(map(abs, good.rate)))) is not None:
@@ -295,12 +295,12 @@ class ReadingGuard:
             return None
         # Of q and -q, which are one orientation, and of lengths that are off by some per cent.
         near = abs(sum(a * b for a, b in zip(good.quaternion, before.quaternion, strict=True)))
-        turned = 2.0 * math.acos(min(1.0, near / (_norm(good.quaternion) * _norm(before.quaternion))))
+        turned = 2.0 * math.acos(min(1.0, near / (math.hypot(*good.quaternion) * math.hypot(*before.quaternion))))
         allowed = self.limits["turn rate"] * (good.time - before.time) + self.limits["orientation jump"]
         if (broken := self._over("orientation jump", turned, allowed)) is not None:
             return broken
         good.follow(before, self._adds_up, walking)
-        off, most = _norm([u - p for u, p in zip(good.up, good.turned, strict=True)]), self.limits
+        off, most = math.dist(good.up, good.turned), self.limits
         apart = np.abs(good.position - good.moved)
         if broken := self._over("attitude and gyroscope", off) or self._over("velocity and angle", apart):
             return broken
@@ -355,14 +355,13 @@ class _Good:
         The up axis, seen from a base that turns with ω, moves as u × ω. Over more than a gap [s] nothing is added up.
         """
         self.begin()
-        if (elapsed := self.time - before.time) <= gap:
-            self._add(before, elapsed)
-        same = self.position == before.position
+        elapsed, same = self.time - before.time, self.position == before.position
         if self.rate == before.rate:
             self.gyroscope_changed = before.gyroscope_changed
             if self.quaternion == before.quaternion:
                 self.imu_changed = before.imu_changed
         if elapsed <= gap:
+            self._add(before, elapsed)
             self.angle_changed = np.where(same, before.angle_changed, self.time)
             # A velocity that stays the same too is not a velocity: the whole joint is frozen, or the whole reading.
             alive = np.where(self.velocity == before.velocity, 0.0, self.velocity)
@@ -405,10 +404,6 @@ class ClockRate:
         apart = [step for _, step in self._steps]
         drift = sum(apart) - max(apart, key=abs)
         return Violation("clock rate", None, drift, self._limit, "s") if abs(drift) > self._limit else None
-
-
-def _norm(values: list[float]) -> float:
-    return math.sqrt(sum(value * value for value in values))
 
 
 def compare_drive(

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import reduce
 from typing import Generic, TypeVar
 
@@ -228,7 +228,8 @@ class VirtualRobot:
 
     def _exchange(self, command: JointCommand) -> Reading:
         """Advance one period under a command, which is copied: its sender may write over its arrays."""
-        sent = JointCommand(*(np.array(getattr(command, part.name), float) for part in fields(JointCommand)))
+        parts = command.target, command.kp, command.kd, command.forward
+        sent = JointCommand(*(np.array(part, float) for part in parts))
         for _ in range(self._steps):
             self._advance(sent)
         self._reading = self._receive()

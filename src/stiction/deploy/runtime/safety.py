@@ -76,8 +76,8 @@ class Window:
         """Return the mean over the window's time, None until it is full."""
         if self._end < self._length:
             return None
-        mean: np.ndarray = self._rows[self._end - self._length : self._end].mean(axis=0)
-        return mean
+        total: np.ndarray = np.add.reduce(self._rows[self._end - self._length : self._end])
+        return total / self._length
 
 
 class Safety:
