@@ -18,10 +18,9 @@ from stiction.files.onset import (
     OnsetCondition,
     OnsetEvidence,
     Prediction,
-    Span,
     axes,
     golden_motion,
-    predict_onset,
+    predict_standstill,
     read_onsets,
 )
 from stiction.files.results import ResultRow
@@ -75,22 +74,20 @@ def test_an_onset_by_the_rows_of_an_evaluation() -> None:
 
 
 def test_a_prediction_is_the_middle_of_the_conditions_on_their_axis() -> None:
-    """Onsets of 1.5 and 3 on an axis that is 1 at the torque limit, standstill at twice that on another."""
-    predicted = predict_onset(BUNDLE.contract, FIVES, EVIDENCE)
-    assert predicted.onset is not None
-    assert (predicted.onset.level, predicted.onset.least, predicted.onset.most) == (2.25, 1.5, 3.0)
-    assert predicted.standstill.level == pytest.approx(4.5 / (BUNDLE.contract.array("torque_limit") / 5.0).mean())
-    assert predicted.outside == "" and predicted.text.startswith("stops following at 220 % (150 to 300 %)")
+    """Standstills of 3 and 6 on an axis; the mean torque of 5 N m is its unit."""
+    predicted = predict_standstill(BUNDLE.contract, FIVES, EVIDENCE)
+    factor = (BUNDLE.contract.array("torque_limit") / 5.0).mean()
+    assert [predicted.level, predicted.least, predicted.most] == pytest.approx([4.5 / factor, 3 / factor, 6 / factor])
+    assert predicted.outside == "" and predicted.text.endswith("of the torque limit, by f / rms of torque, mean")
 
 
 def test_what_no_robot_like_it_has_walked_is_called_an_extrapolation() -> None:
-    """A robot with other feet, or with softer gains than any that walked, gets the standstill alone."""
+    """A robot with other feet, or with softer gains than any that walked."""
     birds = tuple(replace(each, feet=2) for each in TWO)
-    predicted = predict_onset(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=birds))
-    assert predicted.onset is None and "80 %" not in predicted.text
-    assert "2 feet walked, this one has 6" in predicted.outside and "the nearest that walked, a" in predicted.outside
+    outside = predict_standstill(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=birds)).outside
+    assert "2 feet walked, this one has 6" in outside and "the nearest that walked, a" in outside
     stiff = tuple(condition(each.robot, each.onsets, 0.01) for each in TWO)
-    predicted = predict_onset(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=stiff))
+    predicted = predict_standstill(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=stiff))
     assert "τ_max/kp was 0.01 to 0.01 rad, and is 0.32" in predicted.text
 
 
@@ -107,16 +104,15 @@ def test_a_recording_with_friction_predicts_nothing_of_motion() -> None:
 
 def test_the_line_of_a_policy_has_what_was_predicted_and_what_was_walked() -> None:
     """A friction that no walk showed is named by the last level; without walks nothing is said of them."""
-    spans = {"onset": Span(0.1, 0.05, 0.2), "standstill": Span(0.3, 0.2, 0.4)}
-    predicted = asdict(Prediction(**spans, axes=("torque_limit", "work"), relative=False, outside=""))
+    predicted = asdict(Prediction(0.1, 0.05, 0.2, "torque_limit", ""))
     walks = {
         "p": {"onset": 0.12, "standstill": None, "to": 0.2},
         "q": {"onset": None, "standstill": None, "to": None},
     }
     lines = onset_lines({policy: {"predicted": predicted, "walked": walked} for policy, walked in walks.items()})
-    text = "stops following at 10 % (5 to 20 %), by f / τ_max; half of its speed is gone at 30 % (20 to 40 %)"
-    assert text in lines[0] and lines[0].endswith("Walked: 12 %, not up to 20 %.")
-    assert text in lines[1] and lines[1].endswith("all joints.")
+    text = "friction: half of its speed is gone at 10 % (5 to 20 %) of the torque limit, by f / τ_max."
+    assert lines[0].endswith(f"{text} Walked: not up to 20 %; some command under 80 %: 12 %.")
+    assert lines[1].endswith(text)
 
 
 def test_evidence_that_is_damaged_is_refused(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
     from stiction.deploy.check import target_limits_text
     from stiction.files.golden import exercise_of
     from stiction.files.known_friction import known_friction_text
-    from stiction.files.onset import golden_motion, predict_onset
+    from stiction.files.onset import golden_motion, predict_standstill
 
     bundle, contract = check.bundle, check.bundle.contract
     notes, missed = [], exercise_of(bundle.golden, contract).missed
@@ -73,7 +73,7 @@ def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
         notes.append(f"target limits: {target_limits_text(contract)}")
     if not contract.met_friction:
         motion = golden_motion(bundle.golden, contract)
-        predicted = "not predicted" if motion is None else predict_onset(contract, motion).text
+        predicted = "not predicted" if motion is None else predict_standstill(contract, motion).text
         notes.append(f"trained without friction, and {predicted}")
     if contract.known_friction is not None:
         file = contract.known_friction_file

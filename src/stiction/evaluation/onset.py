@@ -13,7 +13,7 @@ from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, ma
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_onset, shipped_onsets
+from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_standstill, shipped_onsets
 from stiction.files.results import ResultRow
 from stiction.files.velocity import parse_command
 from stiction.virtual.drive import drive
@@ -114,14 +114,14 @@ def walked_onset(rows: Sequence[ResultRow], relative: bool) -> dict[str, float |
 
 
 def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:
-    """Return the onset and standstill of a policy, `predicted` from its walks without friction, and as `walked`.
+    """Return the standstill of a policy, `predicted` from its walks without friction, and its onset too, as `walked`.
 
     rows: of the policy; cfg: their commands, episodes and seconds; at most `EPISODES` walks per command are repeated.
     """
     fast = fast_commands(cfg.commands) or cfg.commands
     episodes = min(cfg.episodes, EPISODES)
     motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
-    predicted = predict_onset(bundle.contract, motion)
+    predicted = predict_standstill(bundle.contract, motion)
     return {"predicted": asdict(predicted), "walked": walked_onset(rows, shipped_onsets().relative)}
 
 

@@ -1,4 +1,4 @@
-"""Onset and standstill: frictions at which a policy trained without friction is too slow, predicted from measured ones.
+"""Onset and standstill: frictions at which a policy trained without friction is too slow; the second is predicted.
 
 Reach is the least ratio of mean velocity to command, over the commanded axes. The onset is the friction at which the
 worst reach of the fast commands falls under `LEAST`, the standstill the one at which their mean reach falls under
@@ -168,64 +168,47 @@ def shipped_onsets() -> OnsetEvidence:
 
 
 @dataclass(frozen=True)
-class Span:
-    """Friction that is predicted, as a share of each joint's torque limit [1]."""
+class Prediction:
+    """Predicted standstill, as a share of each joint's torque limit [1].
+
+    The onset is not predicted: of two robots that had chosen no axis it was off by factors of two and three.
+    """
 
     level: float
     """By the median of the conditions, on the axis."""
     least: float
-    """By the condition that needed the least friction."""
+    """By the condition that stood with the least friction."""
     most: float
-    """By the condition that needed the most."""
-
-    @property
-    def text(self) -> str:
-        """`7.1 % (5.2 to 12 %)`."""
-        level, least, most = (two_digits(100 * value) for value in (self.level, self.least, self.most))
-        return f"{level} % ({least} to {most} %)"
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Frictions at which a policy is predicted to be too slow."""
-
-    onset: Span | None
-    """None for a robot outside the evidence: the onset of policies of others was off fifty times."""
-    standstill: Span
-    axes: tuple[str, str]
-    """Axis of the onset, and of the standstill, in `AXES`."""
-    relative: bool
-    """True if the onset is the friction at which reach falls under `LEAST` of that without friction."""
+    """By the condition that stood with the most."""
+    axis: str
+    """Name in `AXES`."""
     outside: str
     """Reason why this is an extrapolation, and the nearest evidence; empty if it is not."""
 
     @property
+    def span(self) -> str:
+        """`7.1 % (5.2 to 12 %)`."""
+        level, least, most = (two_digits(100 * value) for value in (self.level, self.least, self.most))
+        return f"{level} % ({least} to {most} %)"
+
+    @property
     def text(self) -> str:
         """Prediction as a sentence, with its basis."""
-        half = f"half of its speed is gone at {self.standstill.text} of the torque limit, by {AXES[self.axes[1]]}"
-        if self.onset is None:
-            return f"{half}; {self.outside}"
-        what = f"falls under {100 * LEAST:g} % of its speed without friction" if self.relative else "stops following"
-        return f"{what} at {self.onset.text}, by {AXES[self.axes[0]]}; {half}"
+        text = f"half of its speed is gone at {self.span} of the torque limit, by {AXES[self.axis]}"
+        return f"{text}; {self.outside}" if self.outside else text
 
 
-def predict_onset(contract: Contract, motion: Motion, evidence: OnsetEvidence | None = None) -> Prediction:
-    """Return the predicted onset and standstill of a policy; the standstill alone of a robot outside the evidence.
+def predict_standstill(contract: Contract, motion: Motion, evidence: OnsetEvidence | None = None) -> Prediction:
+    """Return the predicted standstill of a policy.
 
     It is for policies trained without friction; one trained with friction follows as far as it was trained. motion: of
     walks without friction; evidence: by default the shipped one.
     """
     evidence, robot = evidence or shipped_onsets(), robot_of(contract)
     factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
-
-    def span(axis: str, reading: Reading) -> Span:
-        middles = evidence.middles(axis, reading)
-        return Span(*(value / factors[axis] for value in (median(middles), middles[0], middles[-1])))
-
-    on = (evidence.axis, evidence.standstill_axis)
-    outside = _outside(robot, factors["dead_band_mean"], evidence)
-    onset = None if outside else span(on[0], "onsets")
-    return Prediction(onset, span(on[1], "standstill"), on, evidence.relative, outside)
+    axis, outside = evidence.standstill_axis, _outside(robot, factors["dead_band_mean"], evidence)
+    middles = evidence.middles(axis, "standstill")
+    return Prediction(*(each / factors[axis] for each in (median(middles), middles[0], middles[-1])), axis, outside)
 
 
 def golden_motion(golden: Golden, contract: Contract) -> Motion | None:

@@ -11,11 +11,10 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from stiction.core.decode import from_plain
 from stiction.files.following import CommandVerdict, judge_row, worst_command
-from stiction.files.onset import LEAST, Prediction
+from stiction.files.onset import Prediction
 from stiction.files.results import ResultRow
-from stiction.report.following import friction_text, result_cells, walked_texts
+from stiction.report.following import friction_text, result_cells, walked_text
 from stiction.report.glance import COMMAND, STYLES, Glance, Tone
 
 MOST_ROWS = 8
@@ -139,16 +138,10 @@ def _step(rows: Sequence[ResultRow], summary: Mapping[str, Any]) -> str:
 
 
 def _onsets(summary: Mapping[str, Any]) -> list[str]:
-    """Return where policies that never met friction are too slow, as predicted and as walked."""
+    """Return where policies that never met friction lose half of their speed, as predicted and as walked."""
     lines = []
     for policy, each in summary.get("onset", {}).items():
-        predicted = from_plain(Prediction, each["predicted"], "onset")
-        spans = {f"under {100 * LEAST:g} % of its speed": predicted.onset, "under half": predicted.standstill}
-        walked = [f", walked {text}" for text in walked_texts(each["walked"])] or ["", ""]
-        text = "predicted " + "; ".join(
-            f"{what} at {span.text} friction{end}"
-            for (what, span), end in zip(spans.items(), walked, strict=True)
-            if span is not None
-        )
-        lines.append(text if len(summary["onset"]) == 1 else f"{policy} {text}")
+        text = f"half of its speed gone: predicted at {Prediction(**each['predicted']).span} friction"
+        text += f", walked {walked_text(each['walked'], 'standstill')}" if each["walked"]["to"] else ""
+        lines.append(text if len(summary["onset"]) == 1 else f"{policy}, {text}")
     return lines

@@ -7,10 +7,10 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.core.decode import from_plain
 from stiction.core.records import header, texts
+from stiction.files.design import two_digits
 from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
-from stiction.files.onset import Prediction
+from stiction.files.onset import LEAST, Prediction
 from stiction.files.results import FOLLOWS, ResultRow
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_text
@@ -31,18 +31,18 @@ def onset_lines(onsets: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """
     lines = []
     for policy, each in onsets.items():
-        text = from_plain(Prediction, each["predicted"], "onset").text
-        walked = ", ".join(walked_texts(each["walked"]))
-        lines.append(f"{policy}, predicted by its walks without friction, {text}{walked and f'. Walked: {walked}'}.")
+        line = f"{policy}, predicted by its walks without friction: {Prediction(**each['predicted']).text}."
+        if each["walked"]["to"]:
+            first, half = (walked_text(each["walked"], name) for name in ("onset", "standstill"))
+            line += f" Walked: {half}; some command under {100 * LEAST:g} %: {first}."
+        lines.append(line)
     return lines
 
 
-def walked_texts(walked: Mapping[str, float | None]) -> list[str]:
-    """Return the walked onset and standstill in words: `6.4 %`, or `not up to 20 %`; empty without levels."""
-    if not walked["to"]:
-        return []
-    levels = (walked["onset"], walked["standstill"])
-    return [f"not up to {100 * walked['to']:.4g} %" if level is None else f"{100 * level:.2g} %" for level in levels]
+def walked_text(walked: Mapping[str, float | None], name: str) -> str:
+    """Return a walked level in words: `6.4 %`, or `not up to 20 %`. name: `onset` or `standstill`."""
+    level, last = walked[name], walked["to"] or 0.0
+    return f"not up to {100 * last:.4g} %" if level is None else f"{two_digits(100 * level)} %"
 
 
 def pace_text(row: ResultRow) -> str:
