@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import typst
@@ -35,11 +35,12 @@ def typeset(text: bytes, files: Mapping[str, bytes]) -> Typeset:
 
     files: name in the text -> content. Raises `FileError` where the text has a fault.
     """
-    sources = {"main.typ": text} | dict(files)
+    # The types of typst know no texts of several files, its documentation does.
+    sources: Any = {"main.typ": text} | dict(files)
     try:
         pdf = typst.compile(sources, format="pdf", timestamp=datetime.fromtimestamp(0, UTC))
         page = typst.compile(sources, format="html")
-    except (typst.TypstError, RuntimeError) as fault:
+    except RuntimeError as fault:
         raise FileError(f"report.typ cannot be typeset: {fault}") from fault
     return Typeset(pdf, sections_of(page.decode("utf-8")))
 

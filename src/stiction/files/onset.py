@@ -207,8 +207,8 @@ def predict_standstill(contract: Contract, motion: Motion, evidence: OnsetEviden
     evidence, robot = evidence or shipped_onsets(), robot_of(contract)
     factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
     axis, outside = evidence.standstill_axis, _outside(robot, factors["dead_band_mean"], evidence)
-    middles = evidence.middles(axis, "standstill")
-    return Prediction(*(each / factors[axis] for each in (median(middles), middles[0], middles[-1])), axis, outside)
+    levels = [middle / factors[axis] for middle in evidence.middles(axis, "standstill")]
+    return Prediction(median(levels), levels[0], levels[-1], axis, outside)
 
 
 def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
