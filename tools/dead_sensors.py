@@ -46,8 +46,8 @@ from stiction.virtual.trial import World
 ROBOTS = "results/robots/policies"
 POLICIES = (
     "saturn_lite-flat-deception-0.2",
-    f"{ROBOTS}/go1-flat-deception-0.2-s0",
-    f"{ROBOTS}/go2-flat-deception-0.2-s0",
+    f"{ROBOTS}/go1-deception-s10",
+    f"{ROBOTS}/go2-deception-s10",
 )
 """Policies of robots that come with the package; `PAST`: the G1's, which stands in git's history alone."""
 

@@ -66,7 +66,7 @@ class RandomizationCfg:
     """Multiplier of the sliding friction coefficient, whose nominal value is 1."""
     contact_time: Annotated[tuple[float, float], FLAG] = (CONTACT_TIME, CONTACT_TIME)
     """Time constant of the contact of feet and ground [s]; shorter is stiffer, down to two physics steps. Not in the
-    paper. A light robot trained only on soft ground runs too fast on hard ground: `results/robots`."""
+    paper. A light robot trained only on soft ground runs too fast on hard ground."""
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
