@@ -37,6 +37,9 @@ STANDSTILL = "work"
 """Axis by which a standstill is predicted: the closest one that counts a joint by what it does. A mean over joints
 counts the arms of a biped, which hardly move, as much as its knees."""
 
+FREE = ("none", "imported")
+"""Methods whose policies met no friction; those of others are imported."""
+
 READINGS = {"onset": "Onset", "relative_onset": "Relative onset", "standstill": "Standstill"}
 """Field of a row -> its name: three frictions at which a policy gives up."""
 
@@ -184,13 +187,13 @@ def axes_sheet(choice: Choice) -> Sheet:
 
 
 def predictions_sheet(rows: Sequence[OnsetRow], readings: Mapping[str, tuple[str, float]]) -> Sheet | None:
-    """Return what is predicted of the policies that chose no axis; None where there are none.
+    """Return what is predicted of the policies without friction that chose no axis; None where there are none.
 
-    readings: field of a row -> axis, and the middle of the conditions on it.
+    A policy trained with friction follows as far as it was trained. readings: field of a row -> axis, and the middle of the conditions on it.
     """
     lines = []
     for row in rows:
-        if row.method == "none" and row.robot in CONDITIONS:
+        if row.method not in FREE or (row.method == "none" and row.robot in CONDITIONS):
             continue
         cells = []
         for reading, (axis, middle) in readings.items():
