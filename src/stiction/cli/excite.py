@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from stiction.core.options import read_options
-from stiction.core.records import header, part_of, texts
-from stiction.files.design import ExcitationDesign, Predicted, percent, two_digits
+from stiction.core.records import header, part_of, texts, two_digits
+from stiction.files.design import ExcitationDesign, Predicted, percent
 from stiction.files.plain import object_text
 from stiction.files.settings import check_settings, results_folder
 from stiction.identification.excite.setup import ExciteSetup

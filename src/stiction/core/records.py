@@ -59,6 +59,11 @@ def _text(value: Any, form: str | Callable[[Any], str]) -> str:
     return format(value, form) if isinstance(value, float) else str(value)
 
 
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent in common ranges: 120, not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """Return a table of text as Markdown, a pipe in a cell escaped."""
     cells = [titles, ["---"] * len(titles), *lines]

@@ -11,7 +11,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
-from stiction.core.records import column
+from stiction.core.records import column, two_digits
 from stiction.files.log import TestCondition
 from stiction.files.plain import read_object, take_version
 from stiction.files.tables import read_arrays
@@ -22,11 +22,6 @@ SCHEMA_VERSION = 1
 def percent(share: float) -> str:
     """Return a share in per cent with two digits."""
     return f"{two_digits(100 * share)} %"
-
-
-def two_digits(value: float) -> str:
-    """Return a number rounded to two digits, without an exponent in common ranges: 120, not 1.2e+02."""
-    return f"{float(f'{value:.2g}'):g}"
 
 
 def _with_unit(name: str) -> str:

@@ -20,8 +20,8 @@ from typing import Literal
 import numpy as np
 
 from stiction.core.decode import from_plain
+from stiction.core.records import two_digits
 from stiction.files.contract import Contract, robot_of
-from stiction.files.design import two_digits
 from stiction.files.golden import Golden
 from stiction.files.plain import read_object, take_version
 from stiction.robots.model import GRAVITY, Robot

@@ -9,7 +9,8 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.core.files import write_text
-from stiction.files.design import DesignSignals, ExcitationDesign, load_design, percent, read_signals, two_digits
+from stiction.core.records import two_digits
+from stiction.files.design import DesignSignals, ExcitationDesign, load_design, percent, read_signals
 from stiction.report.page import (
     COLORS,
     INK,

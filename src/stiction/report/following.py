@@ -7,8 +7,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.core.records import header, texts
-from stiction.files.design import two_digits
+from stiction.core.records import header, texts, two_digits
 from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
 from stiction.files.onset import LEAST, Prediction
 from stiction.files.results import FOLLOWS, ResultRow
