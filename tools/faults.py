@@ -21,6 +21,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
@@ -88,6 +89,15 @@ def whole_rows(file: Path) -> list[dict[str, str]]:
     if whole != text:
         write_text(file, whole)
     return list(csv.DictReader(whole.splitlines()))
+
+
+def csv_of(columns: Sequence[str], rows: list[dict[str, str]]) -> str:
+    """Return a table with its header."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
@@ -182,10 +192,9 @@ def stops(trials: int, out: Path, situations: list[str], how: str) -> None:
     done = {(row["situation"], int(row["trial"])) for row in rows}
     wanted = [(name, number) for number in range(trials) for name in situations or of.SITUATIONS]
     missing = [each for each in wanted if each not in done]
-    with tempfile.TemporaryDirectory() as folder, file.open("w", newline="", encoding="utf-8") as table:
+    write_text(file, csv_of(of.COLUMNS, rows))
+    with tempfile.TemporaryDirectory() as folder, file.open("a", newline="", encoding="utf-8") as table:
         writer = csv.DictWriter(table, of.COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
         bundles = of.prepare(Path(folder))
         # Forked: everything is imported once, and the bundles are checked once.
         with ProcessPoolExecutor(2, get_context("fork")) as pool:
@@ -195,11 +204,7 @@ def stops(trials: int, out: Path, situations: list[str], how: str) -> None:
                 table.flush()
                 print(f"{count} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
     rows = sorted(whole_rows(file), key=lambda row: (of.SITUATIONS.index(row["situation"]), int(row["trial"])))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, of.COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(file, text.getvalue())
+    write_text(file, csv_of(of.COLUMNS, rows))
     command = f"python tools/faults.py --stops --trials {trials}{f' --{how}' if how else ''}"
     command += f" --situations {' '.join(map(repr, situations))}" if situations else ""
     write_text(out / "README.md", PAGE.format(command=command, out=out, revision=git_revision(), table=judge(rows)))

@@ -130,8 +130,8 @@ def evidence_of(choice: Choice, reaches: Sequence[ReachRow], provenance: Mapping
     provenance: `command` and `revision` of the study.
     """
     conditions = []
-    for name, each in choice.conditions.items():
-        if len(own := [row for row in each if row.standstill is not None]) < FEWEST:
+    for name, seeds in choice.conditions.items():
+        if len(own := [row for row in seeds if row.standstill is not None]) < FEWEST:
             continue
         walked = [[each for each in reaches if each.policy == row.policy] for row in own]
         onsets = tuple(getattr(row, choice.reading) or 0.0 for row in own)
@@ -189,7 +189,8 @@ def axes_sheet(choice: Choice) -> Sheet:
 def predictions_sheet(rows: Sequence[OnsetRow], readings: Mapping[str, tuple[str, float]]) -> Sheet | None:
     """Return what is predicted of the policies without friction that chose no axis; None where there are none.
 
-    A policy trained with friction follows as far as it was trained. readings: field of a row -> axis, and the middle of the conditions on it.
+    A policy trained with friction follows as far as it was trained. readings: field of a row -> axis, and the middle of
+    the conditions on it.
     """
     lines = []
     for row in rows:
@@ -201,17 +202,16 @@ def predictions_sheet(rows: Sequence[OnsetRow], readings: Mapping[str, tuple[str
             error = "–" if measured is None else f"{predicted / measured - 1:+.0%}"
             cells += [f"{predicted:.1%}", "not seen" if measured is None else f"{measured:.1%}", error]
         lines.append((row.policy, row.method, f"{row.reach:.2f}", *cells))
+    if not lines:
+        return None
     names = [READINGS[reading].lower() for reading in readings]
     columns = (column for name in names for column in (f"{name}, predicted", "walked", "error"))
+    header = ("policy", "method", "reach without friction", *columns)
     note = "; ".join(
         f"{READINGS[reading]}: the middle of the conditions on {AXES[axis]}, {middle:.3g}"
         for reading, (axis, middle) in readings.items()
     )
-    return (
-        Sheet("Others", ("policy", "method", "reach without friction", *columns), tuple(lines), f"{note}.")
-        if lines
-        else None
-    )
+    return Sheet("Others", header, tuple(lines), f"{note}.")
 
 
 def seeds_sheet(rows: Sequence[OnsetRow]) -> Sheet:

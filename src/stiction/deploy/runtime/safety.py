@@ -205,19 +205,19 @@ class Safety:
     def _of_motors(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of torques and temperatures; unreported values are not judged."""
         cfg = self._cfg
-        self._torques.append(np.abs(_reported(state.joint_torque)) / self._limit)
+        self._torques.append(np.abs(_or_zero(state.joint_torque)) / self._limit)
         share = self._torques.mean()
         if share is not None and (worst := self._worst(share, cfg.torque)) is not None:
             value, limit = (float(part * self._limit[worst]) for part in (share[worst], cfg.torque))
             return Violation("torque", self._names[worst], value, limit, "N m")
-        if (worst := self._worst(_reported(state.temperature), cfg.temperature)) is not None:
+        if (worst := self._worst(_or_zero(state.temperature), cfg.temperature)) is not None:
             hot = float(state.temperature[worst])
             return Violation("temperature", self._names[worst], hot, cfg.temperature, "°C")
-        self._lost.append(_reported(state.lost))
+        self._lost.append(_or_zero(state.lost))
         missed = self._lost[-1] - self._lost[0]
         if (worst := self._worst(missed, cfg.lost)) is not None:
             return Violation("motor lost", self._names[worst], float(missed[worst]), cfg.lost)
-        fault = _reported(state.motor_fault)
+        fault = _or_zero(state.motor_fault)
         if cfg.motor_fault and (worst := self._worst(np.abs(fault), 0.0)) is not None:
             return Violation("motor fault", self._names[worst], float(fault[worst]), 0.0)
         return None
@@ -227,6 +227,6 @@ class Safety:
         return worst if values[worst] > limit else None
 
 
-def _reported(values: np.ndarray) -> np.ndarray:
+def _or_zero(values: np.ndarray) -> np.ndarray:
     """Return numbers with zeros in place of those that a robot does not report."""
     return np.where(np.isnan(values), 0.0, values)
