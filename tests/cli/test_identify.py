@@ -67,7 +67,7 @@ def test_people_get_the_answer_at_a_glance(log: Path, tmp_path: Path, capsys: py
     assert main(["identify", str(log), "--out", str(out), "--test-condition", "loaded"]) == 0
     facts, answer, step, command, why = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"Friction 0\.44\d* ± 0\.00\d+ N m, 0\.98 % of 45 N m, dead band 1\.3°", facts), facts
-    assert answer == "Matters: PROBABLY" and step == "Next:"
+    assert answer == "Matters: A LITTLE" and step == "Next:"
     assert command == f"  stiction train --friction-from '{out}/training.json' --preset quick"
     assert why == f"why, and what is not known: {out}/report.html"
     page = (out / "report.html").read_text()

@@ -57,12 +57,12 @@ def test_verdict_and_level_are_decided_at_rest(rest: float, motion: float) -> No
     assert f" at rest, {share:.4g} % (95 %: " in told.lines[0]
     assert f" of the torque limit 12 N m, and is {motion:.4g} N m (95 %: " in told.lines[0]
     assert f" in motion, {100 * motion / LIMIT:.4g} %, measured on a leg in the air" in told.lines[0]
-    # By what holds it over kp = 20, its lower end or, where that may be harmless, its upper one.
-    ends = (f"at least {0.98 * rest / 20:.4g} rad; ", f"up to {1.02 * rest / 20:.4g} rad, and under load")
-    assert " f/kp at rest is " in told.lines[1] and any(end in told.lines[1] for end in ends)
+    # By what holds it over the limit, its lower end or, where that may be harmless, its upper one.
+    ends = (f"at least {0.98 * share:.4g} %; ", f"up to {1.02 * share:.4g} %, and under load")
+    assert " f/τ_max at rest is " in told.lines[1] and any(end in told.lines[1] for end in ends)
     assert told.level == math.ceil(100 * 2 * 1.02 * rest / LIMIT - 1e-9) / 100
-    assert told.training is not None and told.training["method"] == "deception"
-    assert "which draws " in told.lines[2] and "Counted is Coulomb's law, --method deception" in told.lines[2]
+    assert told.training is not None and told.advice is not None
+    assert "which draws " in told.lines[2] and f"Counted is Coulomb's law, {told.advice.flags}" in told.lines[2]
     assert "by what holds the joint at rest" in told.text
     assert [one.text.split(", ")[0] for one in told.placement] == ["Its f/τ_max at rest", "Its f/kp at rest"]
     assert judge(held(rest, motion, "loaded")).level == math.ceil(100 * 1.02 * rest / LIMIT - 1e-9) / 100

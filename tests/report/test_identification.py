@@ -9,7 +9,9 @@ from stiction.files.joints import JointsFile, write_fit
 from stiction.files.log import LogSetup
 from stiction.identification.example import example_log
 from stiction.identification.pipeline import identify_joint
+from stiction.joints.friction import LAWS
 from stiction.report.identification import write_identification_page
+from stiction.report.joints import LABELS
 
 
 def results(folder: Path, setup: LogSetup | None = None, name: str = "shank") -> JointsFile:
@@ -20,6 +22,12 @@ def results(folder: Path, setup: LogSetup | None = None, name: str = "shank") ->
     joints.write(folder / "joints.json")
     write_fit(folder / "fit.npz", {name: result.fit})
     return joints
+
+
+def test_every_parameter_of_every_law_has_a_label() -> None:
+    """Without one a joint of such a law ended `identify` before its page was written."""
+    named = {name for law in LAWS.values() for name in law.parameters}
+    assert named and named <= LABELS.keys()
 
 
 def test_the_page_shows_numbers_pictures_and_verdict(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from stiction.evaluation.onset import onset
 from stiction.files.onset import AXES, LEAST, NOTICED, SCHEMA_VERSION, STANDS, OnsetCondition, OnsetEvidence
 from stiction.files.plain import write_object
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
-from stiction.robots.catalog import find_robot
 from stiction_experiments.lab.study import Report
 from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of
 
@@ -124,35 +123,50 @@ def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
     return choose(each[reading], reading) if len(each[reading]) > 1 else None
 
 
-def evidence_of(choice: Choice, reaches: Sequence[ReachRow], provenance: Mapping[str, str]) -> OnsetEvidence:
-    """Return what predicts the onset of other policies, by the conditions that have a standstill too.
+def evidence_of(
+    choice: Choice, rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], provenance: Mapping[str, str]
+) -> OnsetEvidence:
+    """Return what the product judges and predicts by: conditions with a standstill too, and robots that chose nothing.
 
-    provenance: `command` and `revision` of the study.
+    rows: every policy; provenance: `command` and `revision` of the study.
     """
-    conditions = []
-    for name, seeds in choice.conditions.items():
-        if len(own := [row for row in seeds if row.standstill is not None]) < FEWEST:
-            continue
-        walked = [[each for each in reaches if each.policy == row.policy] for row in own]
-        onsets = tuple(getattr(row, choice.reading) or 0.0 for row in own)
-        noticed = tuple(onset(reaches_of(each).relative, NOTICED) or 0.0 for each in walked)
-        standstill = tuple(row.standstill or 0.0 for row in own)
-        jitter = tuple(fmean(row.jitter for row in each if row.friction_level == 0.0) for each in walked)
-        factors = {axis: tuple(getattr(row, axis) for row in own) for axis in AXES}
-        conditions.append(
-            OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, standstill, jitter, factors)
+
+    def condition(name: str, seeds: Sequence[OnsetRow]) -> OnsetCondition:
+        walked = [[each for each in reaches if each.policy == row.policy] for row in seeds]
+        return OnsetCondition(
+            robot=name,
+            onsets=tuple(getattr(row, choice.reading) or 0.0 for row in seeds),
+            noticed=tuple(onset(reaches_of(each).relative, NOTICED) or 0.0 for each in walked),
+            standstill=tuple(row.standstill or 0.0 for row in seeds),
+            jitter=tuple(fmean(row.jitter for row in each if row.friction_level == 0.0) for each in walked),
+            factors={axis: tuple(getattr(row, axis) for row in seeds) for axis in AXES},
         )
-    relative = choice.reading == "relative_onset"
-    return OnsetEvidence(choice.axis, relative, choice.again, STANDSTILL, tuple(conditions), **provenance)
+
+    whole = [row for row in rows if row.standstill is not None and getattr(row, choice.reading) is not None]
+    chosen = {name: [row for row in seeds if row in whole] for name, seeds in choice.conditions.items()}
+    others: dict[str, list[OnsetRow]] = {}
+    for row in whole:
+        if row.method in FREE and row.robot not in CONDITIONS:
+            others.setdefault(row.robot, []).append(row)
+    return OnsetEvidence(
+        choice.axis,
+        choice.reading == "relative_onset",
+        choice.again,
+        STANDSTILL,
+        tuple(condition(name, seeds) for name, seeds in chosen.items() if len(seeds) >= FEWEST),
+        tuple(condition(*each) for each in others.items()),
+        **provenance,
+    )
 
 
 def choice_text(choice: Choice) -> str:
     """Say which number carries, how far, and how sure that is."""
     best, least, spread = AXES[choice.axis], choice.spreads[choice.axis], choice.spreads["torque_limit"]
+    what = READINGS[choice.reading].lower()
     sure = f"{choice.again:.0%} of resampled seeds choose it too"
     decided = sure if 1 - choice.again <= UNDECIDED else f"undecided, only {sure}"
     return (
-        f"On {best} the onsets of all robots and gains lie within a factor of {least:.2f} ({decided}), on f / τ_max "
+        f"On {best} the {what}s of all robots and gains lie within a factor of {least:.2f} ({decided}), on f / τ_max "
         f"within {spread:.2f}. Their middle is {choice.middle:.3g}."
     )
 
@@ -281,7 +295,7 @@ def report(
 
     def write_evidence(out: Path) -> None:
         if evidence is not None:
-            plain = asdict(evidence_of(evidence, reaches, provenance))
+            plain = asdict(evidence_of(evidence, rows, reaches, provenance))
             write_object(out / "evidence.json", {"schema_version": SCHEMA_VERSION} | plain)
 
     return Report(

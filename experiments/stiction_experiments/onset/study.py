@@ -12,7 +12,7 @@ from stiction.core.records import read_rows, write_rows
 from stiction_experiments.lab.study import Options, Report, Study, UsageError, Work
 
 DESCRIPTION = """Walk policies under more and more joint friction until the worst of their fast commands falls
-under 0.8, and show these onsets on seven axes: friction over torque limit, over the gain kp, over what targets and
+under 0.8, and show these onsets on twelve axes: friction over torque limit, over the gain kp, over what targets and
 joints move, over the torque and the work of walking, over the robot's weight. The axis on which robots and gains lie
 closest is the number that carries.
 

@@ -73,8 +73,9 @@ def _glance(check: BundleCheck, bundle_path: str, known: str | None) -> Glance:
         notes.append(f"target limits: {target_limits_text(contract)}")
     if not contract.met_friction:
         motion = golden_motion(bundle.golden, contract)
-        predicted = "not predicted" if motion is None else predict_standstill(contract, motion).text
-        notes.append(f"trained without friction, and {predicted}")
+        why = "how much friction it bears is not predicted here: its recording has friction, or no torque"
+        predicted = why if motion is None else f"predicted: {predict_standstill(contract, motion).text}"
+        notes.append(f"trained without friction; {predicted}")
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"

@@ -13,7 +13,7 @@ from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, ma
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_standstill, shipped_onsets
+from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_standstill
 from stiction.files.results import ResultRow
 from stiction.files.velocity import parse_command
 from stiction.virtual.drive import drive
@@ -90,11 +90,12 @@ def reaches_by_cell(cells: Mapping[tuple[float, str], float]) -> Reaches:
     return Reaches(reach_by_level(cells), reach_by_level(cells, relative=True), mean)
 
 
-def walked_onset(rows: Sequence[ResultRow], relative: bool) -> dict[str, float | None]:
-    """Return a policy's `onset` and `standstill`, and `to`, the highest level walked, in the training's simulator.
+def walked_onset(rows: Sequence[ResultRow]) -> dict[str, float | None]:
+    """Return a policy's `onset` and `standstill` in the training's simulator, and what was walked.
 
-    The first two are None where no level shows them or level 0 was not walked; `to` is None without rows. relative:
-    True for the onset by the reach without friction.
+    Both are by the reach over that without friction. They are None where no level shows them, where level 0 was not
+    walked, and of a robot that stands without friction. `free` is the mean reach without friction of the commands that
+    count, None where level 0 was not walked and 0 where it stands; `to` is the highest level walked, None without rows.
     """
     cells = {
         (row.friction_level, row.command): min(ratios)
@@ -105,24 +106,23 @@ def walked_onset(rows: Sequence[ResultRow], relative: bool) -> dict[str, float |
     }
     fast = fast_commands(list(dict.fromkeys(command for _, command in cells)))
     cells = {cell: reach for cell, reach in cells.items() if cell[1] in fast}
-    last = max((level for level, _ in cells), default=None)
+    walked: dict[str, float | None] = {"onset": None, "standstill": None, "free": None}
+    walked["to"] = max((level for level, _ in cells), default=None)
     if not any(level == 0.0 for level, _ in cells):
-        return {"onset": None, "standstill": None, "to": last}
+        return walked
     reaches = reaches_by_cell(cells)
-    worst = reaches.relative if relative else reaches.worst
-    return {"onset": onset(worst), "standstill": onset(reaches.mean, STANDS), "to": last}
+    free = fmean([reach for (level, _), reach in cells.items() if level == 0.0 and reach >= MOVED] or [0.0])
+    return walked | {"onset": onset(reaches.relative), "standstill": onset(reaches.mean, STANDS), "free": free}
 
 
 def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:
     """Return the standstill of a policy, `predicted` from its walks without friction, and its onset too, as `walked`.
 
-    rows: of the policy; cfg: their commands, episodes and seconds; at most `EPISODES` walks per command are repeated.
+    rows: of the policy; cfg: commands of its whole range, episodes and seconds; at most `EPISODES` walks per command.
     """
-    fast = fast_commands(cfg.commands) or cfg.commands
-    episodes = min(cfg.episodes, EPISODES)
+    fast, episodes = fast_commands(cfg.commands), min(cfg.episodes, EPISODES)
     motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
-    predicted = predict_standstill(bundle.contract, motion)
-    return {"predicted": asdict(predicted), "walked": walked_onset(rows, shipped_onsets().relative)}
+    return {"predicted": asdict(predict_standstill(bundle.contract, motion)), "walked": walked_onset(rows)}
 
 
 def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:

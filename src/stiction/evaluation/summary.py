@@ -121,7 +121,11 @@ def evaluate_all(
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "ways": methods_of(rows, bundles),
         "onset": {
-            bundle.name: onset_of(bundle, [row for row in rows if row.policy == bundle.name], cfg.base)
+            bundle.name: onset_of(
+                bundle,
+                [row for row in rows if row.policy == bundle.name],
+                replace(cfg.base, commands=commands_for([bundle])),
+            )
             for bundle in bundles
             # A policy that met friction follows up to its training's friction.
             if not isinstance(bundle, OwnPolicy) and not bundle.contract.met_friction

@@ -21,9 +21,11 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.records import two_digits
+from stiction.files.advice import robot_title
 from stiction.files.contract import Contract, robot_of
 from stiction.files.golden import Golden
 from stiction.files.plain import read_object, take_version
+from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY, Robot
 
 SCHEMA_VERSION = 1
@@ -107,7 +109,6 @@ class OnsetCondition:
     """Robot with its gains, over the training seeds."""
 
     robot: str
-    feet: int
     onsets: tuple[float, ...]
     """Friction over torque limit at the onset, of each seed [1]."""
     noticed: tuple[float, ...]
@@ -119,15 +120,14 @@ class OnsetCondition:
     factors: Mapping[str, tuple[float, ...]]
     """Axis -> its value per friction over torque limit, of each seed."""
 
+    def each(self, axis: str, reading: Reading = "onsets") -> list[float]:
+        """Return the onset of each seed on an axis, or another reading."""
+        levels: tuple[float, ...] = getattr(self, reading)
+        return [level * factor for level, factor in zip(levels, self.factors[axis], strict=True)]
+
     def on(self, axis: str, reading: Reading = "onsets") -> float:
         """Return the median over the seeds of an onset on an axis, or of another reading."""
-        levels: tuple[float, ...] = getattr(self, reading)
-        return median(level * factor for level, factor in zip(levels, self.factors[axis], strict=True))
-
-    @property
-    def softness(self) -> float:
-        """τ_max/kp, mean over joints [rad]."""
-        return self.factors["dead_band_mean"][0]
+        return median(self.each(axis, reading))
 
 
 @dataclass(frozen=True)
@@ -143,17 +143,15 @@ class OnsetEvidence:
     standstill_axis: str
     """Axis by which a standstill is predicted, in `AXES`."""
     conditions: tuple[OnsetCondition, ...]
+    """Robots and gains that chose the axes."""
+    others: tuple[OnsetCondition, ...]
+    """Robots that walked and chose nothing."""
     command: str
     revision: str
 
     def middles(self, axis: str, reading: Reading = "onsets") -> list[float]:
         """Return the sorted values of all conditions on an axis."""
         return sorted(condition.on(axis, reading) for condition in self.conditions)
-
-    def spread(self, axis: str) -> float:
-        """Return the largest over the smallest onset on an axis [1]."""
-        middles = self.middles(axis)
-        return middles[-1] / middles[0]
 
 
 def read_onsets(path: Path) -> OnsetEvidence:
@@ -167,6 +165,51 @@ def shipped_onsets() -> OnsetEvidence:
     return read_onsets(Path(__file__).with_name("onset.json"))
 
 
+GAINS_ALIKE = 1.25
+"""Largest factor between torque limits and gains for the same robot with the same gains: a choice."""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Condition that is nearest to a robot or to one of its joints."""
+
+    condition: OnsetCondition
+    same: bool
+    """True if it is this robot with these gains; else what it shows is an extrapolation."""
+
+    @property
+    def title(self) -> str:
+        """Robot and the change of its gains, for readers: `Saturn Lite with kp × 2`."""
+        return condition_title(self.condition.robot)
+
+
+def condition_title(robot: str) -> str:
+    """Return a condition's name for readers: `Saturn Lite with kp × 2` of `saturn_lite@kp=2`."""
+    name, _, change = robot.partition("@")
+    field, _, factor = change.partition("=")
+    return robot_title(name) + (f" with {field} × {factor}" if change else "")
+
+
+def nearest(robot: str | None, gains: np.ndarray, evidence: OnsetEvidence) -> Nearest:
+    """Return the condition nearest to a robot's joints, or to one of them: the same robot first, then by gains.
+
+    robot: name, None where unknown; gains: torque limit and kp of each joint, (J, 2) [N m, N m/rad], NaN where unknown.
+    """
+    distances = []
+    for condition in evidence.conditions:
+        apart = np.nansum(np.abs(np.log(gains)[:, None] - _log_gains(condition.robot)), axis=-1)
+        distances.append((condition.robot.partition("@")[0] != robot, float(apart.min(axis=-1).mean())))
+    other, apart = min(distances)
+    return Nearest(evidence.conditions[distances.index((other, apart))], not other and apart <= math.log(GAINS_ALIKE))
+
+
+@cache
+def _log_gains(robot: str) -> np.ndarray:
+    """Return the logarithms of torque limit and kp of a robot's joints, shape (J, 2)."""
+    joints = find_robot(robot)
+    return np.log(np.stack((joints.joint_values("torque_limit"), joints.joint_values("kp")), axis=-1))
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Predicted standstill, as a share of each joint's torque limit [1].
@@ -177,9 +220,11 @@ class Prediction:
     level: float
     """By the median of the conditions, on the axis."""
     least: float
-    """By the condition that stood with the least friction."""
+    """By the policy that stood with the least friction, those that chose no axis among them."""
     most: float
-    """By the condition that stood with the most."""
+    """By the policy that stood with the most."""
+    policies: int
+    """Policies behind the least and the most."""
     axis: str
     """Name in `AXES`."""
     outside: str
@@ -187,14 +232,14 @@ class Prediction:
 
     @property
     def span(self) -> str:
-        """`7.1 % (5.2 to 12 %)`."""
+        """`21 % friction (11 to 32 %, the range of 21 policies)`."""
         level, least, most = (two_digits(100 * value) for value in (self.level, self.least, self.most))
-        return f"{level} % ({least} to {most} %)"
+        return f"{level} % friction ({least} to {most} %, the range of {self.policies} policies)"
 
     @property
     def text(self) -> str:
         """Prediction as a sentence, with its basis."""
-        text = f"half of its speed is gone at {self.span} of the torque limit, by {AXES[self.axis]}"
+        text = f"half of its speed is lost at {self.span}, by {AXES[self.axis]}"
         return f"{text}; {self.outside}" if self.outside else text
 
 
@@ -205,10 +250,19 @@ def predict_standstill(contract: Contract, motion: Motion, evidence: OnsetEviden
     walks without friction; evidence: by default the shipped one.
     """
     evidence, robot = evidence or shipped_onsets(), robot_of(contract)
-    factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
-    axis, outside = evidence.standstill_axis, _outside(robot, factors["dead_band_mean"], evidence)
-    levels = [middle / factors[axis] for middle in evidence.middles(axis, "standstill")]
-    return Prediction(median(levels), levels[0], levels[-1], axis, outside)
+    kp, limit = contract.array("kp"), contract.array("torque_limit")
+    axis = evidence.standstill_axis
+    factor = axes(robot, kp, limit, motion)[axis]
+    walked = [each.each(axis, "standstill") for each in (*evidence.conditions, *evidence.others)]
+    levels = sorted(level / factor for each in walked for level in each)
+    near, outside = nearest(contract.robot, np.stack((limit, kp), axis=-1), evidence), ""
+    if not near.same:
+        level = two_digits(100 * near.condition.on("torque_limit", "standstill"))
+        outside = (
+            f"an extrapolation: no such robot walked with such gains; {near.title}, the nearest, lost it at {level} %"
+        )
+    middle = median(evidence.middles(axis, "standstill")) / factor
+    return Prediction(middle, levels[0], levels[-1], len(levels), axis, outside)
 
 
 def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
@@ -218,24 +272,3 @@ def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
     walked = slice(None) if golden.walked is None else golden.walked
     signals = (golden.target, golden.joint_position, golden.joint_velocity, golden.torque)
     return motion_of(*(signal[walked][:, None] for signal in signals))
-
-
-def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
-    """Return why a robot is outside the measured range, and the condition nearest to it by feet and softness of
-    gains.
-    """
-    feet = sorted({condition.feet for condition in evidence.conditions})
-    soft = [condition.softness for condition in evidence.conditions]
-    reasons = []
-    if len(robot.feet) not in feet:
-        reasons.append(f"robots with {' and '.join(map(str, feet))} feet walked, this one has {len(robot.feet)}")
-    if not min(soft) / 1.1 <= dead_band <= 1.1 * max(soft):
-        reasons.append(f"τ_max/kp was {min(soft):.2g} to {max(soft):.2g} rad, and is {dead_band:.2g}")
-    if not reasons:
-        return ""
-    near = min(
-        evidence.conditions,
-        key=lambda item: (abs(item.feet - len(robot.feet)), abs(math.log(item.softness / dead_band))),
-    )
-    level = f"{100 * near.on('torque_limit', 'standstill'):.2g} %"
-    return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, lost it at {level}"

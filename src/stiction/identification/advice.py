@@ -7,8 +7,8 @@ simulation model may never have been measured, and is not listed.
 What policies did is read from `advice.json` beside this module, which the studies write from their rows; see
 `stiction.files.advice`. A training covers a friction at which every seed of it, of three or more, follows every
 command, and nothing else: neither what lies between two such levels, nor what is beyond the last that anybody walked
-with, nor another robot, ground or law. Where policies begin to suffer was seen with policies of another study, and says
-nothing about those that are advised.
+with, nor another robot, ground or law. Where policies begin to suffer is in `scale`, and ways without a training are
+in `remedies`.
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from statistics import median
 from typing import Any, Literal
 
 from stiction.core.statistics import permutation_p
 from stiction.files.advice import SHARES, TRAINING, Source, TrainedWith, read_advice, robot_title
 from stiction.files.following import DRIFT, FEWEST_SEEDS, CommandCount
 from stiction.files.joints import Estimate, JointRecord
-from stiction.files.onset import OnsetEvidence, shipped_onsets
 
 Quantity = Literal["friction_ratio", "dead_band"]
 
@@ -182,69 +180,6 @@ def shipped() -> dict[str, Source]:
 
 
 @dataclass(frozen=True)
-class Thresholds:
-    """Friction that troubled policies trained without it, on one axis: least and most of the robots and gains."""
-
-    noticed: tuple[float, float]
-    """Friction at which they lost a tenth of their speed under some command."""
-    onset: tuple[float, float]
-    """Friction at which they stopped following."""
-    text: str
-    """Clause on the policies and their loss."""
-
-
-def thresholds(axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
-    """Return the onsets of the study on an axis. evidence: by default what comes with the package."""
-    evidence = evidence or shipped_onsets()
-    noticed, onset = evidence.middles(axis, "noticed"), evidence.middles(axis)
-    robots = sorted({condition.robot.partition("@")[0] for condition in evidence.conditions})
-    seeds = [len(condition.onsets) for condition in evidence.conditions]
-    several = f"{min(seeds)} to {max(seeds)}" if min(seeds) < max(seeds) else f"{seeds[0]}"
-    text = (
-        f"in simulation policies trained without friction, of {len(seeds)} robots and gains "
-        f"({', '.join(map(robot_title, robots))}; {several} seeds each), lost a tenth of some command's speed from "
-        f"{span_text(axis, noticed)} on and stopped following at {span_text(axis, onset)}"
-    )
-    return Thresholds((noticed[0], noticed[-1]), (onset[0], onset[-1]), text)
-
-
-FORWARD = (
-    "Feed it forward: `stiction deploy --forward joints.json`. In the simulator of the training a policy that never "
-    "met friction, with 75 % of it fed forward by the measured speed, goes straight as told at 10, 20 and 30 % "
-    "(`results/compensation`, one policy); with an f that is 50 % too high joints may hunt"
-)
-"""Advice on compensation, the first way without a training; a test holds its source."""
-
-
-def other_ways(evidence: OnsetEvidence | None = None) -> str:
-    """Return the remedies other than a training: feed friction forward, raise the gain, repair the joint.
-
-    evidence: by default what comes with the package.
-    """
-    evidence = evidence or shipped_onsets()
-    by_name = {condition.robot: condition for condition in evidence.conditions}
-    gains = [
-        f"of {robot_title(name)}, trained with twice the gain, policies stopped at {100 * high.on('torque_limit'):.2g} "
-        f"in place of {100 * low.on('torque_limit'):.2g} % of the torque limit, and their joints jitter "
-        f"{median(high.jitter) / median(low.jitter):.2g} times as much"
-        for name, low in by_name.items()
-        if (high := by_name.get(f"{name}@kp=2")) is not None
-    ]
-    kp = f"Raise kp: {'; '.join(gains)}. " if gains else ""
-    return f"Beside a training: {FORWARD}. {kp}Mend the joint: it needs none of these then."
-
-
-SYMBOLS = {"torque_limit": ("f/τ_max", 100.0, " %"), "dead_band_worst": ("f/kp", 1.0, " rad")}
-"""Axis that a joint's own log shows -> symbol, factor to its unit, and unit."""
-
-
-def span_text(axis: str, values: Sequence[float]) -> str:
-    """Return the ends of values on an axis, the least first, in words: `f/τ_max 3 to 22 %`."""
-    symbol, factor, unit = SYMBOLS[axis]
-    return f"{symbol} {values[0] * factor:.2g} to {values[-1] * factor:.2g}{unit}"
-
-
-@dataclass(frozen=True)
 class Advice:
     """Advised training, and its evidence."""
 
@@ -311,8 +246,13 @@ class Advice:
         return "stiction train --friction-from training.json" + (preset.group() if preset else "")
 
     @property
-    def coverage(self) -> str:
-        """Sentences on the training's coverage of the request, its counts, and their robot."""
+    def fails(self) -> bool:
+        """True if what walked shows that it does not cover the request."""
+        return self._answer.startswith("It does not")
+
+    @property
+    def _answer(self) -> str:
+        """Clause on whether the training covers the request."""
         cells, asked, beyond = self.cells[self.method], _percent(self.asked), self.asked > self.levels[-1]
         same = [cell for cell in cells if cell.friction_level == self.asked]
         if self.covered:
@@ -326,7 +266,13 @@ class Advice:
             answer = f"It nearly covers {asked}, {followed} of {total} pairs of seed and command"
         else:
             answer = f"It does not cover {asked}"
-        parts = [f"{answer}: {PLACES[TRAINED_IN]} every command is followed by {_counts(cells)}"]
+        return answer
+
+    @property
+    def coverage(self) -> str:
+        """Sentences on the training's coverage of the request, its counts, and their robot."""
+        cells, beyond = self.cells[self.method], self.asked > self.levels[-1]
+        parts = [f"{self._answer}: {PLACES[TRAINED_IN]} every command is followed by {_counts(cells)}"]
         parts += [f"the worst at {_percent(cell.friction_level)} is {cell.worst}" for cell in cells if cell.worst][-1:]
         if any(cell.every_seed and not cell.covered for cell in cells):
             parts.append(f"fewer than {FEWEST_SEEDS} seeds do not tell")
@@ -351,14 +297,20 @@ class Advice:
             for name, cells in self.cells.items()
             if name != self.method
         ]
-        places: dict[str, list[str]] = {}
+        places: dict[str, dict[str, list[CommandCount]]] = {}
         for cell in self.elsewhere:
             place = "on virtual robots" if "+" in cell.engine else PLACES.get(cell.engine, f"in {cell.engine}")
-            worst = f" (worst {cell.worst})" if cell.worst and cell.method == self.method else ""
-            places.setdefault(place, []).append(f"{cell.method} {_counts([cell])}{worst}")
+            places.setdefault(place, {}).setdefault(cell.method, []).append(cell)
+        texts = []
+        for place, by_method in places.items():
+            counts = [f"{name} {_counts(cells)}" for name, cells in by_method.items()]
+            worst = [each.worst for each in by_method.get(self.method, ()) if each.worst][-1:]
+            counts[0] += "".join(f" (worst {each})" for each in worst)
+            absent = [name for name in self.cells if name not in by_method]
+            counts += [f"not walked: {', '.join(absent)}"] * bool(absent)
+            texts.append(f"{place} {', '.join(counts)}")
         text = f"Other methods: {'; '.join(methods)}. " if methods else ""
-        elsewhere = "; ".join(f"{place} {', '.join(counts)}" for place, counts in places.items())
-        return f"{text}Elsewhere: {elsewhere or 'nobody has walked there'}."
+        return f"{text}Elsewhere: {'; '.join(texts) or 'nobody has walked there'}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
@@ -381,8 +333,9 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
     The trainings are compared at the tested levels from the last that is not above `low` to the first that is not below
     `high`, or to the highest, in the simulator of the training: first by whether every seed, of three or more, follows
     every command at all of them, then by the share of pairs of seed and command that are followed, then by the least
-    mean miss. Where none does the first, those within `ALIKE` of the best share are alike, and the widest range counts:
-    what was not measured may have another friction. `TOLD` is compared and never chosen.
+    mean miss. Where none does the first, those within `ALIKE` of the best share are alike, and the share at these
+    levels in other engines where all of them walked counts, then the widest range: what was not measured may have
+    another friction. `TOLD` is compared and never chosen.
 
     sources: as of `read_advice`; by default what comes with the package; robot: name of the robot with the joint.
     """
@@ -398,19 +351,34 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
         for name in source.methods
         if (chosen := tuple(cell for cell in walked if cell.method == name and cell.friction_level in levels))
     }
+    away = [cell for cell in source.cells if cell.engine != TRAINED_IN and cell.friction_law in SHARES]
+    elsewhere = {name: _near_levels([cell for cell in away if cell.method == name], high) for name in source.methods}
     ranks = {name: _rank(cells[name], levels) for name in cells if name != TOLD}
     best = max(ranks, key=lambda name: ranks[name])
     if not ranks[best][0]:
         alike = [name for name, (_, share, _) in ranks.items() if share >= ranks[best][1] - ALIKE]
-        best = max(alike, key=lambda name: (source.methods[name].width, ranks[name]))
-    elsewhere: dict[tuple[str, str], CommandCount] = {}
-    # Rounded, or the last bits of a difference would decide between two that are as near: the lower does.
-    for cell in sorted(source.cells, key=lambda item: (round(abs(item.friction_level - high), 9), item.friction_level)):
-        if cell.method in source.methods and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
-            elsewhere.setdefault((cell.engine, cell.method), cell)
-    order = [best, *source.methods]
-    by_method = sorted(elsewhere.values(), key=lambda cell: order.index(cell.method))
-    return Advice(best, high, levels, cells, tuple(by_method), source, robot)
+        common = set.intersection(*({cell.engine for cell in elsewhere[name]} for name in alike))
+        range_away = [cell for cell in away if cell.engine in common and levels[0] <= cell.friction_level <= levels[-1]]
+        shares = {name: _share([cell for cell in range_away if cell.method == name]) for name in alike}
+        best = max(alike, key=lambda name: (shares[name], source.methods[name].width, ranks[name]))
+    order = sorted(elsewhere, key=[best, *source.methods].index)
+    return Advice(best, high, levels, cells, tuple(cell for name in order for cell in elsewhere[name]), source, robot)
+
+
+def _near_levels(cells: Sequence[CommandCount], asked: float) -> list[CommandCount]:
+    """Return the counts of each engine at the asked friction, or at the nearest levels below and above it."""
+    chosen = []
+    for engine in dict.fromkeys(cell.engine for cell in cells):
+        own = sorted((cell for cell in cells if cell.engine == engine), key=lambda cell: cell.friction_level)
+        below = [cell for cell in own if cell.friction_level <= asked][-1:]
+        above = [cell for cell in own if cell.friction_level >= asked][:1]
+        chosen += below + [cell for cell in above if cell not in below]
+    return chosen
+
+
+def _share(cells: Sequence[CommandCount]) -> float:
+    """Return the share of pairs of seed and command that are followed; 0 where nothing walked."""
+    return sum(cell.followed for cell in cells) / max(1, sum(cell.cells for cell in cells))
 
 
 def _by_seed(cells: Sequence[CommandCount]) -> list[int]:

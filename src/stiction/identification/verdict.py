@@ -28,18 +28,16 @@ from stiction.files.joints import (
 )
 from stiction.identification.advice import (
     CONDITIONS,
-    SYMBOLS,
     TRAINED_UNDER,
     Advice,
     Placement,
     advise,
     draw_rise,
-    other_ways,
     place,
-    thresholds,
 )
+from stiction.identification.remedies import other_ways
 from stiction.identification.runs import Run
-from stiction.identification.scale import MARGIN, Scale, margin_of, scale_of
+from stiction.identification.scale import MARGIN, SYMBOLS, Scale, margin_of, scale_of, thresholds
 
 NAMED = {
     "--kt": ("kt", "N m/A"),
@@ -245,17 +243,16 @@ def judge(
         drawn = draw_rise(record, advice.settings) if advice.training.level > 0 else None
         training, words = (advice.settings, "") if drawn is None else drawn
         proposal = _proposal(record, advice, words)
-    scale = scale_of(record) if legs else None
-    answer, matters = _matters(record, scale) if legs else (WITHOUT_TASK, f" without the task. {_ignored(record)}")
-    if legs and advice:
-        step, run = advice.command, f"Run: {advice.command}, which {proposal}"
-    else:
-        step, run = _to_do(record, level, legs)
+    scale = scale_of(record, robot) if legs else None
+    answer, matters = WITHOUT_TASK, f" without the task. {_ignored(record)}"
+    if legs:
+        answer, matters = _matters(record, robot, scale)
+    step, run = _to_do(record, level, legs, answer, advice, proposal)
     placement = tuple(filter(None, (place(record, "friction_ratio"), place(record, "dead_band"))))
     return TrainingNeed(
         level=None if advice is None else level,
         lines=(_how_much(record), f"Does it matter? {answer.partition(' without ')[0].capitalize()}{matters}", run),
-        details=_details(record, legs, placement, advice),
+        details=_details(record, legs, placement, None if answer == "no" else advice),
         placement=placement,
         advice=advice,
         training=training,
@@ -315,8 +312,8 @@ def _ignored(record: JointRecord) -> str:
     return f"The joint ignores position errors up to f/kp, {span}, at the gains of the log."
 
 
-def _matters(record: JointRecord, scale: Scale | None) -> tuple[str, str]:
-    """Return whether it matters to a walking policy, and the number that tells, of those that the log has the best."""
+def _matters(record: JointRecord, robot: str | None, scale: Scale | None) -> tuple[str, str]:
+    """Return whether it matters to a walking policy, and the number that tells."""
     if scale is None:
         return (
             "cannot be told without --torque-limit or --kp",
@@ -329,30 +326,37 @@ def _matters(record: JointRecord, scale: Scale | None) -> tuple[str, str]:
     answer = scale.answer if scale.answer == "no" or not record.objections else "cannot be told"
     reached = {
         "no": f"{where} is at most {most}",
-        "cannot be told": f"{where} may be nothing, or up to {most}",
+        "cannot be told": f"{where} is not told from zero, and at most {most}",
         "yes": f"{where} is at least {scale.low * factor:.4g}{unit}",
     }
-    return answer, f": {reached.get(answer, f'{where} is up to {most}')}; {thresholds(scale.axis).text}."
+    return answer, f": {reached.get(answer, f'{where} is up to {most}')}; {thresholds(record, robot, scale.axis).text}."
 
 
-def _harmless(record: JointRecord) -> bool:
-    """Return whether friction is too little to be noticed by a policy, even with the margin."""
-    scale = scale_of(record)
-    return scale is not None and scale.answer == "no"
+NOTHING = "stiction train --method none"
+"""Next step where friction does not matter."""
 
 
-def _to_do(record: JointRecord, level: float | None, legs: bool) -> tuple[str, str]:
-    """Return the next step, and the line about it, where no training is advised or the joint may be no leg's."""
+def _to_do(
+    record: JointRecord, level: float | None, legs: bool, answer: str, advice: Advice | None, proposal: str
+) -> tuple[str, str]:
+    """Return the next step, and the line about it; answer: to whether the friction matters."""
     if record.objections:
         remedy = record.objections[0].remedy
-        if legs and _harmless(record):
-            step = "stiction train --method none"
+        if legs and answer == "no":
             begin = "Nothing has to be done, train with --method none. To tell how little friction there is, "
-            return step, f"{begin}{remedy}. No level is proposed."
+            return NOTHING, f"{begin}{remedy}. No level is proposed."
         return remedy, f"Do first: {remedy}. No level is proposed."
     if level is not None and level >= TRAINABLE:
         why = f"to cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}"
         return f"repair the joint: {why}", f"{why[0].upper()}{why[1:]}: repair the joint."
+    if legs and answer == "no" and advice:
+        return NOTHING, f"Run: {NOTHING}; no training with friction is needed."
+    if legs and advice:
+        run = f"Run: {advice.command}, which {proposal}"
+        if not advice.fails:
+            return advice.command, run
+        step = f"repair the joint, or feed its friction forward: no training that walked covers {_share(advice.asked)}"
+        return step, f"{step[0].upper()}{step[1:]}. The nearest is {advice.command}, which {proposal}"
     if legs:
         step = f"{AGAIN} --torque-limit LIMIT"
         return step, "Run: this again with --torque-limit; a training takes friction as a share of it."
@@ -363,6 +367,11 @@ def _to_do(record: JointRecord, level: float | None, legs: bool) -> tuple[str, s
     what = "it" if record.holding_friction is None else "friction in motion, not at rest,"
     step = "stiction convert joints.json --to mujoco --model ROBOT.xml"
     return step, f"Run: {step}, which puts {what} into the model."
+
+
+def _share(level: float) -> str:
+    """Return a share of the torque limit in words."""
+    return f"{100 * level:.3g} % of the torque limit"
 
 
 def _proposal(record: JointRecord, advice: Advice, drawn: str) -> str:
@@ -398,8 +407,8 @@ def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice
         by = "" if record.holding_friction is None else ", by what holds the joint at rest"
         if record.test_condition != "loaded":
             by += f", the upper end times {MARGIN:g}, a margin chosen, not measured"
-        details += [f"A training has to cover {100 * advice.asked:.3g} % of the torque limit{by}.", advice.comparison]
-        details += [] if _harmless(record) else [other_ways()]
+        details += [f"A training has to cover {_share(advice.asked)}{by}.", advice.comparison]
+        details += [other_ways(record.torque_limit, record.kp)]
     return tuple(details)
 
 

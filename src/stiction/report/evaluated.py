@@ -141,7 +141,8 @@ def _onsets(summary: Mapping[str, Any]) -> list[str]:
     """Return where policies that never met friction lose half of their speed, as predicted and as walked."""
     lines = []
     for policy, each in summary.get("onset", {}).items():
-        text = f"half of its speed gone: predicted at {Prediction(**each['predicted']).span} friction"
-        text += f", walked {walked_text(each['walked'], 'standstill')}" if each["walked"]["to"] else ""
+        predicted = Prediction(**each["predicted"])
+        text = f"half of its speed lost: predicted at {predicted.span}{', an extrapolation' * bool(predicted.outside)}"
+        text += f"; walked: {walked_text(each['walked'], 'standstill')}" if each["walked"]["to"] else ""
         lines.append(text if len(summary["onset"]) == 1 else f"{policy}, {text}")
     return lines

@@ -33,15 +33,22 @@ def onset_lines(onsets: Mapping[str, Mapping[str, Any]]) -> list[str]:
         line = f"{policy}, predicted by its walks without friction: {Prediction(**each['predicted']).text}."
         if each["walked"]["to"]:
             first, half = (walked_text(each["walked"], name) for name in ("onset", "standstill"))
-            line += f" Walked: {half}; some command under {100 * LEAST:g} %: {first}."
+            line += f" Walked: {half}; some command under {100 * LEAST:g} % of its speed without friction: {first}."
         lines.append(line)
     return lines
 
 
 def walked_text(walked: Mapping[str, float | None], name: str) -> str:
-    """Return a walked level in words: `6.4 %`, or `not up to 20 %`. name: `onset` or `standstill`."""
+    """Return a walked level in words: `at 6.4 %`, `not up to 20 %`, or why it is not known.
+
+    name: `onset` or `standstill`.
+    """
     level, last = walked[name], walked["to"] or 0.0
-    return f"not up to {100 * last:.4g} %" if level is None else f"{two_digits(100 * level)} %"
+    if level is not None:
+        return f"at {two_digits(100 * level)} %"
+    if walked["free"] is None:
+        return "not known, 0 % was not walked"
+    return f"not up to {100 * last:.4g} %" if walked["free"] else "it stands without friction"
 
 
 def pace_text(row: ResultRow) -> str:

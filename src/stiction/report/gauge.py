@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from stiction.files.onset import LEAST, NOTICED, shipped_onsets
-from stiction.identification.advice import SYMBOLS
-from stiction.identification.scale import Scale
+from stiction.identification.scale import SYMBOLS, Scale
 from stiction.report.glance import Tone
 from stiction.report.page import render_block
 

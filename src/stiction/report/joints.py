@@ -33,6 +33,7 @@ LABELS = {
     "static_friction": ("Dry friction at rest (static)", "N m", "N"),
     "stribeck_velocity": ("Stribeck velocity", "rad/s", "m/s"),
     "load_coefficient": ("Friction per load", "1", "1"),
+    "effort_coefficient": ("Friction per torque of the motor", "1", "1"),
     "position_slope": ("Dry friction per angle from the middle", "N m/rad", "N/m"),
     "position_curvature": ("and per angle squared", "N m/rad²", "N/m²"),
 }

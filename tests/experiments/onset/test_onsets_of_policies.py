@@ -184,11 +184,17 @@ def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     reaches = [ReachRow(row.policy, 0.0, command, 0.9, 0, jitter) for row in rows for command, jitter in JITTERS]
     choice = best_choice(rows)
     assert choice is not None
-    evidence = evidence_of(choice, reaches, {"command": "stiction study onset", "revision": "1"})
+    own = {"relative_onset": 0.2, "standstill": 0.4}
+    other = replace(rows[0], policy="spot", robot="spot", **own)
+    apart = [other, replace(other, policy="told", method="told"), replace(other, policy="still", standstill=None)]
+    reaches.append(replace(reaches[0], policy="spot"))
+    provenance = {"command": "stiction study onset", "revision": "1"}
+    evidence = evidence_of(choice, [*rows, *apart], reaches, provenance)
+    assert [(one.robot, one.onsets, one.standstill) for one in evidence.others] == [("spot", (0.2,), (0.4,))]
     assert (evidence.axis, evidence.relative) == ("dead_band_worst", True)
-    assert [(one.robot, one.feet, one.onsets) for one in evidence.conditions] == [
-        ("saturn_lite", 6, (0.1, 0.1)),
-        ("go1", 4, (0.05, 0.05)),
+    assert [(one.robot, one.onsets) for one in evidence.conditions] == [
+        ("saturn_lite", (0.1, 0.1)),
+        ("go1", (0.05, 0.05)),
     ]
     assert evidence.conditions[0].jitter == (3.0, 3.0)
     assert (evidence.standstill_axis, evidence.conditions[0].standstill) == ("work", (0.1, 0.1))
