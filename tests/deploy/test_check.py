@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
@@ -67,6 +68,22 @@ def test_a_number_of_the_recording_that_was_changed_is_rejected(name: str, tmp_p
     getattr(golden, name)[250, 0] += 0.01
     with pytest.raises(BundleError, match=r"differs|unit length"):
         check_bundle(write_bundle(tmp_path / "forged", contract, model, golden, ""))
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_rounding_of_large_numbers_is_no_damage(share: float, tmp_path: Path, contract: Contract) -> None:
+    """A network has seven digits: what is off by more than the tolerance, as a share of the largest, is damage."""
+    model = make_network(contract)
+    golden = replace(make_golden(contract, model), torque=None)
+    largest = np.abs(golden.target).max()
+    assert largest > 1.5
+    golden.target[250, 0] += share * TOLERANCE * largest
+    folder = write_bundle(tmp_path / "rounded", contract, model, golden, "")
+    if share < 1.0:
+        assert check_bundle(folder).target_error > TOLERANCE
+    else:
+        with pytest.raises(BundleError, match="differs"):
+            check_bundle(folder)
 
 
 @pytest.mark.parametrize(
