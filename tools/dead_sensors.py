@@ -9,7 +9,9 @@ with the same numbers on each. A walk's seed is that of its virtual robot, of co
 every 4 s another command, every 4 to 8 s a push of up to 0.7 m/s along each axis (0.3 of a biped), friction of 0 to
 20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. Joints of the first
 two legs are exchanged in what a walk recorded, each pair once a second. A row a walk in walks.csv and faults.csv, and
-a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md.
+a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md. A
+walk may end by a fall: `true_tilt_ahead` is the tilt [rad] that the simulated robot, without its sensors, is about to
+have after `safety.horizon`.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from lockstep import Lockstep
 from stiction.deploy.control import JointCommand
 from stiction.deploy.plausibility import RULES, ReadingGuard
 from stiction.deploy.runtime.config import SafetyCfg, SupervisorCfg
-from stiction.deploy.runtime.safety import Safety
+from stiction.deploy.runtime.safety import Safety, tilt
 from stiction.deploy.runtime.supervisor import Stage
 from stiction.deploy.transports.link import RobotState
 from stiction.engines.catalog import make_engine
@@ -57,6 +59,9 @@ FAULTS = ("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "
 
 SENSORS = ("velocity and angle", "frozen angle", "attitude and gyroscope", "torque and command")
 """Rules whose largest values stand beside each walk, as shares of their limits."""
+
+TILTS = ("tilt", "predicted tilt")
+"""Rules that end a walk by a fall, where the robot itself leans."""
 
 WITHIN = 0.3
 """Time within which a fault is to be found [s]."""
@@ -122,7 +127,8 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
         values.look()
         if record is not None and loop.newest is not None and loop.supervisor._safety._command is not None:
             record.append((loop.newest, loop.supervisor._safety._command))
-    stop = loop.supervisor.stop_record
+    stop, truth = loop.supervisor.stop_record, loop.robot._robot.ground_truth().motion
+    ahead = tilt(truth.base_quaternion, truth.base_angular_velocity, SafetyCfg().horizon)[1]
     loop.close()
     assert stop is not None or loop.supervisor.stage is Stage.RUN
     row: dict[str, object] = {"robot": bundle.contract.robot, "seed": seed, "seconds": round(loop.now - begin, 2)}
@@ -130,7 +136,9 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
     if fault:
         late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"
         return {"fault": fault} | row | {"found_ms": late}
-    return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+    return (
+        row | {"true_tilt_ahead": round(ahead, 3)} | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+    )
 
 
 def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
@@ -209,9 +217,11 @@ def main() -> None:
             writer.writerows(rows)
     walks = kept(args.out / "walks.csv")
     hours = sum(float(row["seconds"]) for row in walks) / 3600
-    alarms = [row for row in walks if row["rule"] in (*SENSORS, "frozen gyroscope", "clock rate")]
+    limit = 0.95 * SafetyCfg().predicted_tilt
+    falls = [row for row in walks if row["rule"] in TILTS and float(row["true_tilt_ahead"]) > limit]
+    alarms = sum(bool(row["rule"]) for row in walks) - len(falls)
     largest = {name: max(float(row[name]) for row in walks) for name in SENSORS} if walks else {}
-    print(f"{len(walks)} walks, {hours:.2f} robot-hours, {len(alarms)} false alarms; largest shares: {largest}")
+    print(f"{len(walks)} walks, {hours:.2f} robot-hours, {len(falls)} falls, {alarms} false alarms; largest: {largest}")
     for fault in FAULTS:
         own = [row for row in kept(args.out / "faults.csv") if row["fault"] == fault and row["found_ms"] != "before"]
         times = [float(row["found_ms"] or "inf") for row in own]
