@@ -2,9 +2,9 @@
 
 Names, order, axes and zero pose are the maker's; masses, centres, inertias, lengths, limits and torque limits are those
 of its public description (`g1_description` of `unitree_ros`, BSD-3-Clause), rotor inertias those that mjlab computes
-from the maker's gear ratios (Apache-2.0). Gains and crouch of the legs, and the gait period, are those of the maker's
-training examples (`unitree_rl_gym`); the arms hang as in mjlab's standing pose. The sole is a box of the extent of the
-description's contact points.
+from the maker's gear ratios (Apache-2.0). Gains and crouch of the legs are those of the maker's training examples
+(`unitree_rl_gym`); the arms hang as in mjlab's standing pose. The sole is a box of the extent of the description's
+contact points.
 """
 
 from __future__ import annotations
@@ -212,7 +212,6 @@ def whole() -> Robot:
         feet=feet,
         standing_height=1.0,
         vendor=Vendor(names, (1.0,) * len(names), (0.0,) * len(names)),
-        gait_period=0.8,
     )
     return with_standing_height(robot)
 
