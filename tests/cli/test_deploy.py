@@ -10,14 +10,18 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bundles import make_bundle, make_contract
 from processes import is_alive, stiction, wait_until
 from stiction.cli import deploy
 from stiction.cli.main import main
+from stiction.files.bundle import find_bundle, read_bundle
+from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.observation import proprioception
-from stiction.files.run_log import joint_log, read_run_log
+from stiction.files.plain import write_object
+from stiction.files.run_log import RUN_STAGE, joint_log, read_run_log
 
 POLICY = "saturn_lite-flat-deception-0.2"
 PATIENT = ("--silence", "5", "--stale", "5", "--gap", "5", "--keep-minutes", "5", "--set", "safety.losses=1")
@@ -55,6 +59,35 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: p
     assert main(words) == 1
     again = capsys.readouterr().err
     assert "already" in again and again.count("\n") == 1
+
+
+def test_friction_is_fed_forward_logged_and_reported(tmp_path: Path) -> None:
+    """Feeds 75 % of f by the measured speed while the policy runs; report, settings and log say so."""
+    contract = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2"))).contract
+    friction = {"hip": 1.0, "thigh": 2.0, "shank": 3.0}
+    records = {k: JointRecord(coulomb_friction=Estimate(f, 0.1, (f - 0.2, f + 0.2))) for k, f in friction.items()}
+    file, out = tmp_path / "joints.json", tmp_path / "run"
+    write_object(file, JointsFile(records).to_dict())
+    words = ["deploy", "saturn_lite-flat-none-0.2", "--armed", "--command", "vx=0.4", "--duration", "1"]
+    words += ["--forward", str(file), "--out", str(out), *PATIENT, *ON_STAND]
+    done = subprocess.run(stiction(*words), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "friction fed forward: 75 % of hip 1, thigh 2, shank 3 N m\n" in done.stderr
+    report, settings = (json.loads((out / name).read_text()) for name in ("report.json", "settings.json"))
+    f = np.array([friction[kind] for kind in contract.kinds])
+    assert report["forward"]["friction"] == dict(zip(contract.joint_names, f, strict=True))
+    assert settings["settings"]["forward"] == str(file) and "forward" in settings["inputs"]
+    log = read_run_log(out / "log").readings
+    ran = log["stage"] == RUN_STAGE
+    assert not log["forward"][~ran].any()
+    # A reading that a newer one overtook is logged with the decision before it, as the row before has.
+    decided = ran & (np.diff(log["forward"], axis=0, prepend=0.0) != 0.0).any(axis=1)
+    fed, speed, error = log["forward"][decided], log["velocity"][decided], (log["target"] - log["position"])[decided]
+    # At 0.2 rad/s all is fed in the direction of motion, unless the target is behind.
+    fast = (np.abs(speed) > 0.2) & (speed * error > 0.0)
+    right = np.isclose(fed[fast], (0.75 * f * np.sign(speed))[fast], atol=1e-5)
+    # On a busy machine the row before may be lost.
+    assert len(right) > 10 and right.mean() > 0.9
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,14 +14,16 @@ from deployed import PERIOD, SHORT, Run, state
 from stiction.deploy.control import FREE, RANGE, SLEW, CommandCorrection, ControlLoop, JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
-from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.exchange.webots.controller import PolicyLoop
 from stiction.files.contract_rules import COMMAND_CORRECTION
+from stiction.joints.compensation import BY_SPEED, FrictionController
 
 # One physics step in a control period, so that all callers read at the same times.
 CONTRACT = make_contract(decimation=1, physics_timestep=0.02, target_limits={"slew": 10.0, "margin": 0.02})
 JOINTS, STANDING = CONTRACT.num_joints, CONTRACT.array("standing")
 STILL = Sensors(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), STANDING, np.zeros(JOINTS))
+FRICTION = 0.4 * CONTRACT.array("torque_limit")
 COMMANDS = np.random.default_rng(0).uniform(-1.0, 1.0, (15, 3))
 
 
@@ -56,9 +59,9 @@ class Standing:
         return self.read()
 
 
-def commands() -> list[JointCommand]:
+def commands(forward: FrictionController | None = None) -> list[JointCommand]:
     """Return the joint commands of one robot, as evaluation, golden vectors and the policy's process get them."""
-    loop = ControlLoop(Asking(), CONTRACT)
+    loop = ControlLoop(Asking(), CONTRACT, forward)
     return [(loop.act(STILL, each), loop.command(STANDING, np.zeros(JOINTS)))[1] for each in COMMANDS]
 
 
@@ -86,15 +89,16 @@ def test_a_batch_a_port_and_webots_get_the_same_command_to_the_last_bit() -> Non
 
 
 def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The supervisor's limits are the contract's; its clock, which rounds differently, changes no target again."""
+    """The supervisor's limits and feed-forward are evaluation's; its clock, which rounds differently, changes none."""
     monkeypatch.setattr(deployed, "CONTRACT", CONTRACT)
-    run = Run(replace(SHORT, duration=2.0))
+    run, feed = Run(replace(SHORT, duration=2.0)), BY_SPEED.controller(FRICTION, PERIOD)
+    run.supervisor = Supervisor(CONTRACT, run.cfg, PERIOD, 0.0, None, feed)
     run.until(Stage.RUN)
     run.answers, loop = False, ControlLoop(Asking(), CONTRACT)
     # The first answer comes in the beat of those before it.
     while run.number % 10:
         run.step()
-    for number, (command, one) in enumerate(zip(COMMANDS, commands(), strict=True)):
+    for number, (command, one) in enumerate(zip(COMMANDS, commands(feed), strict=True)):
         step = loop.act(STILL, command)
         assert run.supervisor.policy_targets(step.target, run.now, loop.requested, loop.limited.by) is None
         for tick in range(10):
@@ -104,7 +108,29 @@ def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkey
             assert out.stage is Stage.RUN, (number, tick, run.supervisor.stop_record)
             assert out.command is not None
             np.testing.assert_array_equal(out.command.target, one.target)
+            np.testing.assert_array_equal(out.command.forward, one.forward)
             np.testing.assert_array_equal(out.requested, loop.requested)
+
+
+def test_gains_and_friction_fed_forward_stay_within_the_torque_limit_by_hand() -> None:
+    """Gains that ask 8 of 10 N m leave 2 of 4 to be fed, those that ask 12 none, those that ask 8 backward all 4."""
+    feed = SimpleNamespace(torque=lambda *_: np.array([4.0, -4.0, 4.0, -4.0, 4.0]))
+    targets, still = np.array([0.08, -0.08, 0.12, 0.08, 0.03]), np.zeros(5)
+    command = JointCommand.position(targets, np.full(5, 100.0), still)
+    fed = command.against_friction(still, still, feed, np.full(5, 10.0)).forward  # type: ignore[arg-type]
+    np.testing.assert_allclose(fed, [2.0, -2.0, 0.0, -4.0, 4.0])
+
+
+def test_what_is_evaluated_keeps_to_the_torque_limit_too() -> None:
+    """With f of 40 % of the limit some joints are cut, and none of any command goes beyond."""
+    kp, limit = CONTRACT.array("kp"), CONTRACT.array("torque_limit")
+    sent = commands(BY_SPEED.controller(FRICTION, CONTRACT.control_period))
+    fed, target = (np.array([getattr(one, name) for one in sent]) for name in ("forward", "target"))
+    torque = kp * (target - STANDING) + fed
+    assert (np.abs(torque) <= limit * (1 + 1e-12)).all()
+    pushed = 0.75 * FRICTION * np.clip((target - STANDING) / 0.05, -1.0, 1.0)
+    cut = np.abs(fed - pushed) > 1e-9
+    assert cut.any() and not cut.all() and np.isclose(np.abs(torque[cut]), np.tile(limit, (15, 1))[cut]).all()
 
 
 def test_an_older_bundle_has_no_limits_in_its_control_step() -> None:

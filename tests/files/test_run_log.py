@@ -11,7 +11,7 @@ import pytest
 
 from deployed import CONTRACT, JOINTS, STANDING, state
 from stiction.core.errors import FileError, LogError
-from stiction.deploy.control import Limited
+from stiction.deploy.control import JointCommand, Limited
 from stiction.deploy.runtime.channel import Channel, row_layout, socket_pair, targets_layout
 from stiction.deploy.runtime.recorder import Parts, Rows, record
 from stiction.deploy.runtime.runtime import row
@@ -29,6 +29,7 @@ from stiction.files.run_log import (
     walk_log,
     write_run_header,
 )
+from stiction.files.tables import publish_npz
 from stiction.identification.logs.opening import open_log
 
 HEADER = RunLogHeader(
@@ -51,7 +52,8 @@ def logged(number: int, stage: Stage = Stage.RUN) -> dict[str, object]:
     """Return the row of a reading whose every signal tells its number."""
     reading = state(number, 0.002 * number, joint_position=STANDING + 1e-3 * number)
     target = STANDING + 2e-3 * number
-    out = Out(stage, None, target + 1.0, Limited(target, np.full(JOINTS, 2)))
+    command = JointCommand(target, np.array(HEADER.kp), np.array(HEADER.kd), np.full(JOINTS, 0.01 * number))
+    out = Out(stage, command, target + 1.0, Limited(target, np.full(JOINTS, 2)))
     return row(reading, np.full(JOINTS, 0.5 * number), out, np.array([0.5, 0.0, 0.0]))
 
 
@@ -96,6 +98,16 @@ def test_identification_gets_the_run_itself(folder: Path) -> None:
     assert walk.header.kp == CONTRACT.kp and len(walk) == 900
     assert walk.foot_contact is not None and walk.foot_contact.dtype == bool
     np.testing.assert_allclose(walk.velocity_command, np.tile([0.5, 0.0, 0.0], (900, 1)), atol=1e-7)  # type: ignore[arg-type]
+
+
+def test_friction_fed_forward_is_a_target_ahead_to_identification(folder: Path) -> None:
+    """1 N m at kp = 100 N m/rad is a target 0.01 rad ahead; an older log without the column was fed nothing."""
+    log = read_run_log(folder)
+    np.testing.assert_allclose(log.readings["forward"][100], 1.0, atol=1e-6)
+    np.testing.assert_allclose(walk_log(log).joint_target[0], STANDING + 0.2 + 0.01, atol=1e-6)
+    for part in folder.glob("readings-*.npz"):
+        publish_npz(part, {name: values for name, values in np.load(part).items() if name != "forward"})
+    np.testing.assert_allclose(read_walk_log(folder).joint_target[0], STANDING + 0.2, atol=1e-6)
 
 
 def test_a_run_is_opened_by_its_folder_as_what_it_is(folder: Path) -> None:

@@ -104,7 +104,7 @@ def write_run(folder: Path, kind: str, run: str = RUN) -> None:
     for number, stamp in enumerate(log.time):
         tilt = 0.01 * np.sin(3.0 * stamp)
         vectors: dict[str, Any] = {name: np.zeros(JOINTS) for name in own}
-        vectors |= {"position": STANDING.copy(), "target": STANDING.copy()}
+        vectors |= {"position": STANDING.copy(), "target": STANDING.copy(), "forward": np.zeros(JOINTS)}
         for name, values in own.items():
             vectors[name][:MOVED] += values[number]
         vectors |= {"stage": 2.0, "robot_time": stamp, "quaternion": [np.cos(tilt), np.sin(tilt), 0.0, 0.0]}

@@ -70,7 +70,8 @@ def stand(
     """
     start, sensing = seed_streams(case.seed, ["standing", "standing, sensors"]).values()
     robot = world.robot(case, spec, sensing)
-    target, kp, kd = (spec.joint_values(name) for name in ("default_position", "kp", "kd"))
+    names = ("default_position", "kp", "kd", "torque_limit")
+    target, kp, kd, limit = (spec.joint_values(name) for name in names)
     begin = target + INITIAL_ANGLE * start.uniform(-1.0, 1.0, spec.num_joints)
     robot.place(begin, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
     by_computer = None
@@ -82,7 +83,7 @@ def stand(
     for _ in range(round(SECONDS / world.period)):
         seen = port.read().sensors
         angle, speed = seen.joint_position, seen.joint_velocity
-        port.exchange(JointCommand.position(target, kp, kd).against_friction(angle, speed, by_computer))
+        port.exchange(JointCommand.position(target, kp, kd).against_friction(angle, speed, by_computer, limit))
         truth = robot.ground_truth()
         speeds.append(truth.motion.joint_velocity)
         torques.append(truth.torque)

@@ -207,11 +207,11 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
     """
     import numpy as np
 
+    from stiction.deploy.fed_friction import read_fed_friction
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
     from stiction.evaluation.course import untrained
-    from stiction.files.bam import load_joints
     from stiction.files.velocity import parse_command
 
     planned = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
@@ -225,11 +225,11 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
             raise ConfigurationError("--forward: this policy compensates friction in its targets already; leave it out")
         if bundle.contract.observes_friction:
             raise ConfigurationError("--forward: this policy is told its joints' friction and answers it; leave it out")
-        joints = load_joints(cfg.forward)
-        _, unloaded, load = np.transpose([joints.fed_forward(name) for name in bundle.contract.joint_names])
-        friction = unloaded, load
+        friction = read_fed_friction(cfg.forward, bundle.contract)
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
+    if friction is not None:
+        say(friction.sentence(bundle.contract.kinds))
     if bundle.contract.observes_friction and bundle.contract.known_friction_file is None:
         say("it is told the friction of its training: stiction export RUN --joints joints.json tells it the bench's")
     velocity = np.array(command.velocity)

@@ -11,6 +11,8 @@ process, or a real one behind its transport. The limits are the contract's `targ
 1. slew: the target moves at most `slew` [rad/s] times the control period from one action to the next;
 2. range: it stays within the joint's limits less a margin;
 3. torque: kp (a − θ) − kd θ' stays within the motor's limit. A motor that limits by itself gives the same torque.
+
+Friction fed forward keeps to the motor's limit together with that torque, also in a bundle without `target_limits`.
 """
 
 from __future__ import annotations
@@ -54,13 +56,19 @@ class JointCommand:
         return cls(target, kp, kd, np.zeros_like(target))
 
     def against_friction(
-        self, position: np.ndarray, velocity: np.ndarray, forward: FrictionController | None
+        self, position: np.ndarray, velocity: np.ndarray, forward: FrictionController | None, limit: np.ndarray
     ) -> JointCommand:
-        """Return the command with friction fed forward at a measured angle [rad] and speed [rad/s]."""
+        """Return the command with friction fed forward at a measured angle [rad] and speed [rad/s].
+
+        limit: of the motors [N m], shape (J,). The fed torque is cut to what the torque of the gains leaves of it.
+        """
         if forward is None:
             return self
         asked = self.kp * (self.target - position) - self.kd * velocity
-        return replace(self, forward=forward.torque(self.target, position, velocity, asked))
+        fed = forward.torque(self.target, position, velocity, asked)
+        # Gains that alone ask for more than the limit are the motor's to cut: the fed torque never turns against them.
+        most, least = np.maximum(limit - asked, 0.0), np.minimum(-limit - asked, 0.0)
+        return replace(self, forward=np.minimum(np.maximum(fed, least), most))
 
 
 @dataclass(frozen=True)
@@ -178,6 +186,7 @@ class ControlLoop:
             raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
         self._policy, self._contract, self._forward = policy, contract, forward
         self._kp, self._kd, limits = contract.array("kp"), contract.array("kd"), contract.target_limits
+        self._torque_limit = contract.array("torque_limit")
         self._limits = (
             None if limits is None else Limits(contract, limits["slew"], limits["margin"], self._kp, self._kd)
         )
@@ -231,7 +240,7 @@ class ControlLoop:
         if self._limits is not None:
             limited = self._limits.apply_torque(limited, position, velocity)
         return JointCommand.position(limited.target, self._kp, self._kd).against_friction(
-            position, velocity, self._forward
+            position, velocity, self._forward, self._torque_limit
         )
 
 

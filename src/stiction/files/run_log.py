@@ -94,7 +94,7 @@ class RunLog:
     header: RunLogHeader
     """Description of the run."""
     readings: Columns
-    """`time`, `stage`, `position`, `velocity`, `torque`, `target`, `requested`, `limited_by`, `quaternion`, ..."""
+    """`time`, `stage`, `position`, `velocity`, `torque`, `target`, `requested`, `limited_by`, `forward`, ..."""
     steps: Columns
     """`time`, `target`, `action`, `frame`, `lateness`, `wear`, ..."""
     notes: tuple[str, ...] = ()
@@ -239,11 +239,11 @@ def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
     Raises `LogError` for a missing column, or one of another width than in the header.
     """
     rows, joints, feet = len(readings["time"]), len(header.joint_names), len(header.foot_names)
-    widths = dict.fromkeys(("position", "velocity", "torque", "target"), joints) | {"foot_contact": feet}
+    widths = dict.fromkeys(("position", "velocity", "torque", "target", "forward"), joints) | {"foot_contact": feet}
     widths |= dict.fromkeys(("angular_velocity", "acceleration", "velocity_command"), 3) | {"quaternion": 4}
     shapes: dict[str, tuple[int, ...]] = {name: (rows, width) for name, width in widths.items()}
     shapes |= dict.fromkeys(("stage", "robot_time"), (rows,))
-    table = dict(readings)
+    table = {"forward": np.zeros((rows, joints))} | readings  # Older logs know of no friction fed forward.
     for name, shape in shapes.items():
         if name not in table or table[name].size != math.prod(shape) or len(table[name]) != rows:
             came = table[name].shape if name in table else "not there"
@@ -331,11 +331,14 @@ def walk_log(log: RunLog) -> WalkLog:
     contact = rows["foot_contact"][used]
     if header.foot_names and np.isfinite(contact).all():
         optional["foot_contact"] = contact > 0.5
-    time = rows["robot_time"][used]
+    time, kp = rows["robot_time"][used], np.array(header.kp)
+    # kp (a + u/kp − θ) is kp (a − θ) + u: to readers of walks, torque fed forward is a target that is ahead.
+    ahead = np.divide(rows["forward"][used], kp, out=np.zeros((len(used), len(kp))), where=kp > 0.0)
     return WalkLog(
         header.of_walk(),
         time=time - time[0],
-        **{f"joint_{name}": rows[name][used] for name in ("position", "velocity", "target")},
+        joint_target=rows["target"][used] + ahead,
+        **{f"joint_{name}": rows[name][used] for name in ("position", "velocity")},
         **{name: rows[name][used] for name in ("angular_velocity", "quaternion", "velocity_command")},
         **optional,
     )

@@ -43,7 +43,7 @@ def targets_layout(contract: Contract) -> Layout:
 
 def row_layout(joints: int, feet: int) -> Layout:
     """Return the layout of the log's row of one reading of the robot."""
-    names = ("position", "velocity", "torque", "target", "requested", "limited_by", "temperature")
+    names = ("position", "velocity", "torque", "target", "requested", "limited_by", "forward", "temperature")
     sizes = {"stage": 1, "robot_time": 1, **dict.fromkeys(names, joints)}
     sizes |= {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "foot_contact": feet, "battery": 1}
     return Layout(ROW, sizes | {"velocity_command": 3} | dict.fromkeys(COUNTED, 1))

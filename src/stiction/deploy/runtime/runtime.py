@@ -27,6 +27,7 @@ from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.core.lock import exclusive_lock
 from stiction.core.provenance import limit_library_threads
 from stiction.deploy.control import JointCommand
+from stiction.deploy.fed_friction import FedFriction
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, TIMES, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.config import RunCfg
@@ -46,7 +47,6 @@ from stiction.deploy.runtime.supervisor import Out, Stage, Supervisor, check_pee
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
 from stiction.files.bundle import Bundle
-from stiction.joints.compensation import BY_SPEED
 
 TICK = 0.002
 """Time between the supervisor's looks for late messages [s]."""
@@ -78,13 +78,13 @@ def run(
     source: Motion | None = None,
     injected: Injected | None = None,
     say: Callable[[str], None] = lambda text: None,
-    friction: tuple[np.ndarray, np.ndarray] | None = None,
+    friction: FedFriction | None = None,
 ) -> dict[str, Any]:
     """Run a policy, or a motion, on a robot until it ends; return the report.
 
     bundle, folder: checked bundle and its folder, for a motion those of its robot; velocity: first command: forward,
     sideways [m/s], turn [rad/s], shape (3,); source: motion in place of the policy; injected: faults, for
-    tests; say: takes a line for people; friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,).
+    tests; say: takes a line for people; friction: fed forward while the policy runs.
     Raises `StictionError`: another process drives this robot, a second robot or reader is present, or the run cannot
     begin.
     """
@@ -112,7 +112,7 @@ def run(
         if cfg.realtime is not None:
             effect = _realtime(cfg.realtime, [p.pid for p in (policy, watchdog) if p is not None], timing)
             say(effect)
-        forward = None if friction is None else BY_SPEED.controller(friction[0], link.period, load=friction[1])
+        forward = None if friction is None else friction.controller(link.period)
         supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source, forward)
         if not cfg.supervisor.armed:
             say("a dry run: nothing is sent to the robot; --armed moves it")
@@ -126,6 +126,7 @@ def run(
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
+    of_run |= {"forward": None if friction is None else friction.summary()}
     of_run |= {"watchdog": None if watchdog is None else {"acted": watchdog.acted}}
     counted = {name: None if np.isnan(n) else n for name, n in link.arrivals.counts.reported().items()}
     of_link = {"states": loop.states, "malformed": link.malformed, "complaint": link.complaint or None, **counted}
@@ -403,6 +404,7 @@ def row(state: RobotState, torque: np.ndarray, out: Out, velocity: np.ndarray) -
         "target": out.limited.target,
         "requested": out.requested,
         "limited_by": out.limited.by,
+        "forward": 0.0 if out.command is None else out.command.forward,
         "temperature": state.temperature,
         "quaternion": sensors.quaternion,
         "angular_velocity": sensors.angular_velocity,

@@ -134,6 +134,7 @@ class Supervisor:
         self._hunting = Hunting(contract.num_joints, period)
         self.hunts = np.zeros(contract.num_joints, bool)
         """Joints that hunted while standing was commanded: from then on nothing is fed forward to them."""
+        self._torque_limit = contract.array("torque_limit")
         self._damping, self._nothing = kd, np.full(contract.num_joints, math.nan)
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
@@ -364,7 +365,7 @@ class Supervisor:
                 self._hunting.reset()
             else:
                 self.hunts |= self._hunting.step(speed)
-            pushed = command.against_friction(angle, speed, self._forward)
+            pushed = command.against_friction(angle, speed, self._forward, self._torque_limit)
             command = replace(pushed, forward=np.where(self.hunts, 0.0, pushed.forward))
         return self._out(command, requested, limited)
 
