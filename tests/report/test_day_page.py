@@ -156,6 +156,23 @@ def test_a_day_that_lacks_nothing(tmp_path: Path) -> None:
     assert "differ by 0.00 on average" in bench.lead(rows, [])
 
 
+FED = {"way": "measured", "share": 0.75, "friction": dict.fromkeys(CONTRACT.joint_names, 2.0), "load": {}}
+
+
+def test_runs_with_friction_fed_forward_are_a_policy_of_their_own(day: Path) -> None:
+    """Two walks with feed-forward join neither those without nor their prediction; another f is refused."""
+    for run in ("plain/fed-1", "plain/fed-2"):
+        made_run(day, run, forward=FED, virtual={"moved": [0.4, 0.0]})
+    predicted(day, "fed", "none+measured", 0.9).rename(day / "plain/fed")
+    fed = next(row for row in bench_rows(read_day(day)) if row.policy == "none+measured")
+    assert (fed.condition, fed.runs, fed.predicted) == ("plain", 2, 0.9) and fed.reached == pytest.approx(0.8)
+    plain = bench_rows(read_day(day))[0]
+    assert (plain.policy, plain.runs, plain.predicted) == ("none", 3, 0.75) and plain.reached == pytest.approx(0.7)
+    made_run(day, "plain/fed-3", forward=FED | {"friction": {}})
+    with pytest.raises(StictionError, match="plain/fed-3: got other friction fed forward"):
+        read_day(day)
+
+
 def edited(file: str, change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
     """Return what changes a file of the day."""
     return lambda day: (day / file).write_bytes(change((day / file).read_bytes()))
@@ -173,6 +190,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "report of another run": (lambda day: made_run(day, "plain/x", bundle="else"), "report.json of another run"),
     "report no object": (edited("plain/none-1/report.json", lambda data: b"[]"), "report"),
     "stop without a rule": (lambda day: made_run(day, "plain/x", stop=3), "report.json of another run"),
+    "forward no object": (lambda day: made_run(day, "plain/x", forward=3), "report.json of another run"),
     "two policies of a name": (lambda day: made_run(day, "plain/x", digest="2" * 64), "another 'none' than elsewhere"),
     "evaluation of another": (other, "another 'none' than the one that walked"),
     "joints.json": (edited("plain/identified/joints.json", lambda data: b"{"), "not JSON"),

@@ -7,7 +7,7 @@ it. What no program measures stands in `DAY/sheet.csv`, written by hand: how far
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, product
 from pathlib import Path
@@ -78,6 +78,13 @@ class Walk:
     """Root mean square of target less angle over joints and readings [rad]."""
     late: bool
     """True if the machine was quick enough and the policy came late all the same."""
+    forward: dict[str, Any] | None
+    """Friction fed forward, as in report.json; None: none, or a report older than this field."""
+
+    @property
+    def name(self) -> str:
+        """Policy, with the way in which friction was fed forward, as in results.csv: `none+measured`."""
+        return self.policy + (f"+{self.forward['way']}" if self.forward else "")
 
 
 @dataclass(frozen=True)
@@ -160,13 +167,16 @@ def read_day(folder: Path) -> Day:
             evaluated.append((condition, path))
     if not walks:
         raise FileError(f"{folder}: got no armed run of a policy, expected {folder}/CONDITION/RUN of stiction deploy")
-    digests = {walk.policy: walk.digest for walk in walks}
+    digests, names = {walk.policy: walk.digest for walk in walks}, {walk.name for walk in walks}
+    fed: dict[tuple[str, str], Any] = {}
     for walk in walks:
         if walk.digest != digests[walk.policy]:
             raise FileError(f"{walk.run}: got another {walk.policy!r} than elsewhere, expected one; rename its bundle")
+        if walk.forward != fed.setdefault((walk.condition, walk.name), walk.forward):
+            raise FileError(f"{walk.run}: got other friction fed forward than before it, expected one in a condition")
     predicted = {}
     for condition, path in evaluated:
-        for row in _predicted(path, digests):
+        for row in _predicted(path, digests, names):
             cell = condition, row.policy, row.command
             if cell in predicted:
                 raise FileError(f"{path}: got a second prediction of {', '.join(cell)}, expected one friction level")
@@ -186,11 +196,10 @@ def _walk(path: Path, run: str, report: dict[str, Any], sheet: SheetRow) -> Walk
     log = read_run_log(path / LOG)
     if not log.header.policy:
         return None
-    stop = report.get("stop", "")
+    stop, fed = report.get("stop", ""), report.get("forward")
     named = isinstance(stop, dict) and isinstance(stop.get("rule"), str)
-    if (report.get("bundle"), report.get("digest")) != (log.header.policy, log.header.digest) or not (
-        named or stop is None
-    ):
+    known = (named or stop is None) and (fed is None or (isinstance(fed, dict) and isinstance(fed.get("way"), str)))
+    if not known or (report.get("bundle"), report.get("digest")) != (log.header.policy, log.header.digest):
         raise FileError(f"{run}: got a report.json of another run than its log's, expected those of one run")
     ran = log.readings["stage"] == RUN_STAGE
     told = np.unique(np.round(log.readings["velocity_command"][ran if ran.any() else slice(None)], 4), axis=0)
@@ -201,8 +210,8 @@ def _walk(path: Path, run: str, report: dict[str, Any], sheet: SheetRow) -> Walk
     reached = None if rule or ran.sum() < 2 else _reached(command, log, ran, report, sheet)
     late = report.get("lateness_judged") == "late"
     jitter, tracking = (None, None) if ran.sum() < 2 else _steadiness(log, ran)
-    header = log.header
-    return Walk(run, run.split("/")[0], header.policy, header.digest, command, reached, rule, jitter, tracking, late)
+    told_to = run, run.split("/")[0], log.header.policy, log.header.digest, command
+    return Walk(*told_to, reached, rule, jitter, tracking, late, fed)
 
 
 def _reached(command: Command, log: RunLog, ran: np.ndarray, report: dict[str, Any], sheet: SheetRow) -> float | None:
@@ -247,22 +256,22 @@ def _joints(condition: str, path: Path) -> list[JointFriction]:
     ]
 
 
-def _predicted(path: Path, digests: dict[str, str]) -> list[ResultRow]:
-    """Return the rows of an evaluation that are of policies of the day; raise `FileError` where one is another."""
+def _predicted(path: Path, digests: dict[str, str], names: Collection[str]) -> list[ResultRow]:
+    """Return the rows of an evaluation that are of the policies `names`; raise `FileError` where one is another."""
     if (path / SETTINGS).is_file():
         inputs = read_object(path / SETTINGS, "what `stiction evaluate` writes").get("inputs")
         known = [each for option in (inputs or {}).values() if isinstance(option, dict) for each in option.values()]
         for digest, _, policy in (str(each).partition("  ") for each in known):
             if digests.get(policy, digest) != digest:
                 raise FileError(f"{path}: got another {policy!r} than the one that walked, expected one; evaluate that")
-    return [row for row in _table(path / "results.csv", ResultRow) if row.policy in digests]
+    return [row for row in _table(path / "results.csv", ResultRow) if row.policy in names]
 
 
 def bench_rows(day: Day) -> list[BenchRow]:
     """Return a row for each policy, condition and command that was walked, in the order of their names."""
     cells: dict[tuple[str, str, str], list[Walk]] = {}
-    for walk in sorted(day.walks, key=lambda walk: (walk.policy, walk.command.label, walk.condition)):
-        cells.setdefault((walk.policy, walk.condition, walk.command.label), []).append(walk)
+    for walk in sorted(day.walks, key=lambda walk: (walk.name, walk.command.label, walk.condition)):
+        cells.setdefault((walk.name, walk.condition, walk.command.label), []).append(walk)
     rows = []
     for (policy, condition, command), walks in cells.items():
         known = [walk.reached for walk in walks if walk.reached is not None]
@@ -344,8 +353,8 @@ def write_bench(folder: Path, command: str = "") -> tuple[list[BenchRow], list[s
 
 MEANING = (
     "`reached/told`: velocity along the command over the commanded one, mean and standard deviation over the measured "
-    "runs. `predicted`: the same of `stiction evaluate`. `identified`: mean dry friction of the identified joints, "
-    "with the means of the ends of their intervals of 95 %."
+    "runs. `predicted`: the same of `stiction evaluate`. `POLICY+measured`: with friction fed forward. `identified`: "
+    "mean dry friction of the identified joints, with the means of the ends of their intervals of 95 %."
 )
 
 
