@@ -87,7 +87,7 @@ def test_a_prediction_is_the_middle_of_the_conditions_on_their_axis() -> None:
 
 
 def test_what_did_not_walk_is_called_an_extrapolation() -> None:
-    """Of another robot, and of this one with gains that nobody walked with, the nearest condition is named."""
+    """The nearest condition is named for another robot, and for this one with gains that nobody walked with."""
     birds = tuple(replace(each, robot=f"go1{each.robot[11:]}") for each in TWO)
     outside = predict_standstill(BUNDLE.contract, FIVES, replace(EVIDENCE, conditions=birds)).outside
     assert "no such robot walked with such gains; Go1 with kp × 2, the nearest, lost it at 60 %" in outside
