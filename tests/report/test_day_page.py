@@ -37,11 +37,13 @@ HEADER = RunLogHeader(
 )
 
 
-def made_run(day: Path, run: str, command: tuple[float, float, float] = (0.5, 0.0, 0.0), **report: object) -> Path:
+def made_run(
+    day: Path, run: str, command: tuple[float, float, float] = (0.5, 0.0, 0.0), pace: float = 1.0, **report: object
+) -> Path:
     """Write a run of 501 readings, one second, and return its folder.
 
     Joints are 0.03 rad behind their targets, and their velocity changes by 0.1 rad/s from each control step to the
-    next: 5 rad/s². The base turns at 0.4 rad/s.
+    next: 5 rad/s². The base turns at 0.4 rad/s. pace: seconds of the robot in that second.
     """
     folder = day / run
     (folder / LOG).mkdir(parents=True)
@@ -52,7 +54,12 @@ def made_run(day: Path, run: str, command: tuple[float, float, float] = (0.5, 0.
     swing = np.repeat(0.1 * (number // 10 % 2)[:, None], JOINTS, axis=1)
     three = np.zeros((501, 3))
     arrays = {name: np.zeros((501, JOINTS)) for name in ("torque", "position")}
-    arrays |= {"time": 0.002 * number, "robot_time": 0.002 * number, "stage": np.full(501, 2.0), "velocity": swing}
+    arrays |= {
+        "time": 0.002 * number,
+        "robot_time": 0.002 * pace * number,
+        "stage": np.full(501, 2.0),
+        "velocity": swing,
+    }
     arrays |= {"target": np.full((501, JOINTS), 0.03), "acceleration": three, "foot_contact": np.zeros((501, 0))}
     arrays |= {"angular_velocity": np.tile([0.0, 0.0, 0.4], (501, 1)), "velocity_command": np.tile(command, (501, 1))}
     arrays |= {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (501, 1))}
@@ -173,6 +180,18 @@ def test_runs_with_friction_fed_forward_are_a_policy_of_their_own(day: Path) -> 
         read_day(day)
 
 
+@pytest.mark.parametrize(("pace", "measured"), [(0.94, 2), (0.96, 3), (1.04, 3), (1.06, 2)])
+def test_a_robot_with_a_time_of_its_own_is_not_counted(day: Path, pace: float, measured: int) -> None:
+    """A virtual robot that a busy machine made slow went 0.5 m in fewer of its own seconds, by a quicker policy."""
+    made_run(day, "plain/none-4", pace=pace, virtual={"moved": [0.5, 0.0]})
+    made_run(day, "plain/none-5", pace=pace, stop={"rule": "tilt"})
+    bench_day = read_day(day)
+    walked, _ = rows = bench_rows(bench_day)
+    assert (walked.runs, walked.measured) == (5, measured)
+    told = [line for line in missing(bench_day, rows) if "not counted" in line]
+    assert len(told) == (0 if measured == 3 else 2) and all(f"at {pace:.2f} of" in line for line in told)
+
+
 def edited(file: str, change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
     """Return what changes a file of the day."""
     return lambda day: (day / file).write_bytes(change((day / file).read_bytes()))
@@ -255,10 +274,12 @@ def test_a_day_on_a_virtual_robot(tmp_path: Path) -> None:
     ]
     assert main([*words, "--out", str(tmp_path / "day/plain/first")]) == 0
     rows, lacking = write_bench(tmp_path / "day")
-    assert [(row.policy, row.command, row.runs, row.measured) for row in rows] == [(policy, "vx=0.4", 1, 1)]
+    slow = [line for line in lacking if "not counted" in line]
+    measured = 1 - len(slow)
+    assert [(row.policy, row.command, row.runs, row.measured) for row in rows] == [(policy, "vx=0.4", 1, measured)]
     # On a stand, where a busy machine lets no robot fall, it goes nowhere.
     assert (
-        rows[0].reached == pytest.approx(0.0, abs=0.01)
+        (slow or rows[0].reached == pytest.approx(0.0, abs=0.01))
         and rows[0].jitter > 0
         and "no second policy: nothing to compare" in lacking
     )

@@ -8,7 +8,7 @@ it. What no program measures stands in `DAY/sheet.csv`, written by hand: how far
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice, product
 from pathlib import Path
 from statistics import mean, stdev
@@ -40,6 +40,10 @@ MOST_BYTES = 2**22
 FEWEST = 3
 """Smallest number of walks of a cell whose spread says something."""
 
+FAR = 0.05
+"""Largest difference between the robot's time of a run and this computer's, over the latter [-]. A virtual robot on a
+busy machine is slower, while its policy is not."""
+
 
 @dataclass(frozen=True)
 class SheetRow:
@@ -68,7 +72,8 @@ class Walk:
     """Digest of the policy's bundle."""
     command: Command
     reached: float | None
-    """Velocity along the command over the commanded one [-]; None where it was stopped, or nobody measured it."""
+    """Velocity along the command over the commanded one [-]; None where it was stopped, nobody measured it, or `pace`
+    is far from 1."""
     stop: str
     """Rule that stopped it; empty: it ended as asked."""
     jitter: float | None
@@ -80,11 +85,18 @@ class Walk:
     """True if the machine was quick enough and the policy came late all the same."""
     forward: dict[str, Any] | None
     """Friction fed forward, as in report.json; None: none, or a report older than this field."""
+    pace: float
+    """Time of the robot over that of this computer, from the first reading to the last [-]."""
 
     @property
     def name(self) -> str:
         """Policy, with the way in which friction was fed forward, as in results.csv: `none+measured`."""
         return self.policy + (f"+{self.forward['way']}" if self.forward else "")
+
+    @property
+    def counted(self) -> bool:
+        """True if the robot's time was this computer's."""
+        return abs(self.pace - 1.0) <= FAR
 
 
 @dataclass(frozen=True)
@@ -207,11 +219,14 @@ def _walk(path: Path, run: str, report: dict[str, Any], sheet: SheetRow) -> Walk
         raise FileError(f"{run}: got {len(told)} commands in one run, expected one; make a run for each")
     command = parse_command(",".join(f"{axis}={value:g}" for axis, value in zip(AXES, told[0], strict=True)))
     rule = stop["rule"] if isinstance(stop, dict) else ""
-    reached = None if rule or ran.sum() < 2 else _reached(command, log, ran, report, sheet)
     late = report.get("lateness_judged") == "late"
     jitter, tracking = (None, None) if ran.sum() < 2 else _steadiness(log, ran)
+    robot, here = (np.ptp(log.readings[clock]) for clock in ("robot_time", "time"))
     told_to = run, run.split("/")[0], log.header.policy, log.header.digest, command
-    return Walk(*told_to, reached, rule, jitter, tracking, late, fed)
+    walk = Walk(*told_to, None, rule, jitter, tracking, late, fed, float(robot / here) if here > 0 else 1.0)
+    if rule or ran.sum() < 2 or not walk.counted:
+        return walk
+    return replace(walk, reached=_reached(command, log, ran, report, sheet))
 
 
 def _reached(command: Command, log: RunLog, ran: np.ndarray, report: dict[str, Any], sheet: SheetRow) -> float | None:
@@ -326,8 +341,15 @@ def missing(day: Day, rows: Sequence[BenchRow]) -> list[str]:
             lines.append(f"{where}: no prediction; `stiction evaluate --out DAY/{cell[1]}/predicted`")
     identified = {joint.condition for joint in day.joints}
     lines += [f"{condition}: no friction identified" for condition in conditions if condition not in identified]
-    unknown = [w.run for w in day.walks if w.reached is None and not w.stop and w.command.direction is not None]
+    walked = [w for w in day.walks if w.counted and not w.stop and w.command.direction is not None]
+    unknown = [walk.run for walk in walked if walk.reached is None]
     lines += [f"{run}: no distance in {SHEET}" for run in unknown]
+    lines += [
+        f"{walk.run}: the robot's time ran at {walk.pace:.2f} of this computer's; not counted, walk it again, a "
+        "virtual robot on an idle computer"
+        for walk in day.walks
+        if not walk.counted
+    ]
     lines += [f"{walk.run}: the policy came late; walk it again" for walk in day.walks if walk.late]
     return lines + [f"{run}: a dry run, left out" for run in day.dry]
 
