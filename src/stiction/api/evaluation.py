@@ -92,6 +92,7 @@ def evaluate(
     robot: str | Path | None = None,
     callable_period: float = 0.02,
     friction_levels: float | Sequence[float] = (0.0, 0.1, 0.2),
+    joints: Sequence[str | Path] = (),
     friction_law: str = "coulomb",
     commands: str | Sequence[str] = EVERY,
     engines: str | Sequence[str] = ("mujoco",),
@@ -112,6 +113,7 @@ def evaluate(
         robot: a robot of your own in the bundle's place, or that of the function; what `load_robot` takes.
         callable_period: time between two calls of the function [s].
         friction_levels: dry friction as fractions of each joint's torque limit.
+        joints: `joints.json` files whose dry friction the joints have, in place of levels.
         friction_law: law of the dry friction, whatever the training's.
         commands: `vx=0.5` [m/s], `wz=0.3` [rad/s], `vx=0.3,wz=0.2`, `stand`; `all`: the fifteen to be followed.
         engines: `mujoco`, the simulator of the training; `mujoco-alone`, `physx`, `ode`; `physx+all` and so on.
@@ -151,7 +153,8 @@ def evaluate(
     asked = options | {"engines": several(engines), "terrains": several(terrains)}
     cfg = replace(options_of(GridCfg, asked, evaluate), base=base)
     named = None if robot is None else str(robot)
-    return _walk(policies, cfg, named, callable_period, jobs_of(jobs), progress, None if out is None else Path(out))
+    work, files = None if out is None else Path(out), [Path(file) for file in joints]
+    return _walk(policies, cfg, named, callable_period, jobs_of(jobs), progress, work, files)
 
 
 def _walk(
@@ -162,8 +165,10 @@ def _walk(
     jobs: int,
     progress: Progress,
     out: Path | None,
+    joints: Sequence[Path],
 ) -> Evaluated:
     """Walk the grid, in a folder of which nothing is left where none is asked for; see `evaluate`."""
+    from stiction.evaluation.benches import as_identified
     from stiction.evaluation.summary import bundle_of, evaluate_all
 
     # A bundle that was checked is not read again: what is evaluated is what was hashed.
@@ -171,10 +176,12 @@ def _walk(
         one.bundle if isinstance(one, LoadedPolicy) else one if callable(one) else Path(one) for one in policies
     ]
     bundles = [bundle_of(policy, cfg, robot, period) for policy in resolved]
+    cfg, notes = as_identified(cfg, bundles, joints) if joints else (cfg, ())
     if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process
     with scratch() if out is None else nullcontext(out) as work, output_folder(work):
         rows, summary = evaluate_all(bundles, cfg, work, robot, jobs, progress)
+        summary["warnings"] += notes
         result = Evaluated(tuple(rows), {"command": "stiction.evaluate(...)"} | summary)
         if out is not None:
             result.write(out)

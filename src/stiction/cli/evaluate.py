@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 VIRTUAL = needs("--engines mujoco+all", lambda cfg: any("+" in engine for engine in cfg.engines))
 """Requirement of a virtual robot, in any engine."""
 
+TOLD = ("--forward", "--known-friction")
+"""Options of policies or controllers that are told the friction of a level."""
+
 
 @dataclass(frozen=True)
 class EvaluateCfg:
@@ -39,6 +42,9 @@ class EvaluateCfg:
     """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
+    joints: tuple[Path, ...] = field(default=(), metadata=excludes("--friction-levels", "--friction-law", *TOLD))
+    """One or more joints.json of `stiction identify`, in place of the levels: each joint has its dry friction, else the
+    mean of its kind; the level is the mean over the joints."""
     friction_law: Annotated[str, law_flag("Law of the dry friction, whatever the training's.")] = "coulomb"
     static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
@@ -129,6 +135,7 @@ def main(arguments: list[str]) -> int:
     jobs = jobs_of(cfg.jobs)
     from stiction.core.provenance import num_threads
     from stiction.core.records import part_of
+    from stiction.evaluation.benches import as_identified
     from stiction.evaluation.evaluate import EvaluationCfg
     from stiction.evaluation.grid import GridCfg, parse_simulator
     from stiction.evaluation.summary import bundle_of, evaluate_all
@@ -146,8 +153,10 @@ def main(arguments: list[str]) -> int:
         policies.append(cfg.policy_callable)
     # Before the folder: what is no bundle would be called one of other settings than those of the results there.
     bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period, cfg.key) for policy in policies]
+    settings, notes = as_identified(settings, bundles, cfg.joints) if cfg.joints else (settings, ())
+    read = {"bundles": cfg.bundles, "robot": cfg.robot, "joints": cfg.joints}
     with (
-        results_folder(cfg.out, "evaluate", cfg, FILES, {"bundles": cfg.bundles, "robot": cfg.robot}),
+        results_folder(cfg.out, "evaluate", cfg, FILES, read),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
     ):
         listening = any(bundle.contract.observes_friction for bundle in bundles)
@@ -155,9 +164,12 @@ def main(arguments: list[str]) -> int:
             raise ConfigurationError(requirement("--known-friction", "a policy trained with --task.known-friction"))
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
+            summary["warnings"] += notes
             if record is not None and cfg.log is not None:
                 threads = num_threads()
-                summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, threads, progress, cfg.overwrite)
+                summary["logs"] = log_all(
+                    bundles, settings.base, record, cfg.log, cfg.robot, threads, progress, cfg.overwrite
+                )
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
 
@@ -207,7 +219,7 @@ batch, some three seconds of computing; of --forward and --known-friction bench 
 GROUPS = {
     "usually needed": ("--friction-levels", "--commands", "--engines", "--terrains", "--out", "--json"),
     "which robot": ("--robot", "--robots", "--robot-levels"),
-    "the friction": ("--friction-law", "--forward", "--known-friction"),
+    "the friction": ("--joints", "--friction-law", "--forward", "--known-friction"),
     "how much of it": ("--episodes", "--seconds", "--seed", "--jobs"),
     "what else": ("--log", "--judge-again", "--key", "--overwrite"),
 }

@@ -1,4 +1,4 @@
-"""Friction identified on virtual robots' benches as input of walks: fed forward, or observed by a policy.
+"""Friction identified on benches as input of walks: a robot's own, or a virtual one's, fed forward or observed.
 
 On the robot of the data sheet both are the level of the walk itself; on a virtual robot, they are identified from the
 log of its own bench, in the same engine and at the same level. The true friction is used only for `true`. For a joint
@@ -22,7 +22,7 @@ from stiction.core.parallel import spread
 from stiction.evaluation.grid import GridCfg, Walk, plan_forward
 from stiction.evaluation.policies import known_to, nominal_known, parse_source
 from stiction.evaluation.rollout import friction_at
-from stiction.files.bam import load_joints
+from stiction.files.bam import load_all_joints, load_joints
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.joints import JointsFile
@@ -38,6 +38,28 @@ if TYPE_CHECKING:
 
 BENCH_WORK = "benches"
 """Name of this work in calls of `progress`."""
+
+
+def as_identified(cfg: GridCfg, bundles: Sequence[Bundle], paths: Sequence[Path]) -> tuple[GridCfg, tuple[str, ...]]:
+    """Return the grid at the friction in `joints.json` files, one level, the joints' mean f/τ_max, and notes.
+
+    A joint without a valid record has the mean of its kind. Raises `StictionError`: a kind without any, policies of
+    several robots, a virtual robot, or a mean that is no level.
+    """
+    robots = {(c.joint_names, c.torque_limit): c for c in (bundle.contract for bundle in bundles)}
+    if len(robots) > 1 or any(each.cell for each in cfg.simulators):
+        raise ConfigurationError("--joints: got several robots, or a virtual one, expected the data sheet's robot of "
+                                 "one identification; evaluate others without it")  # fmt: skip
+    (contract,) = robots.values()
+    unknown, limits = np.full(len(set(contract.kinds)), np.nan), contract.array("torque_limit")
+    bench = bench_friction(load_all_joints(paths), contract.joint_names, contract.kinds, limits, unknown)
+    if lacking := [kind for kind, share in bench.share.items() if np.isnan(share)]:
+        raise FileError(f"--joints: got no valid dry friction of {', '.join(lacking)}, expected that of each kind of "
+                        "joint; identify them, and name all files")  # fmt: skip
+    shares = np.array([bench.joints[name] for name in contract.joint_names])
+    level = float(f"{shares.mean():g}")
+    shape = tuple((shares / level).tolist()) if level else ()
+    return replace(cfg, base=replace(cfg.base, friction_levels=(level,), friction_shape=shape)), bench.notes
 
 
 def case_of(walk: Walk) -> Case | None:

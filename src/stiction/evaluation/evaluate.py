@@ -95,6 +95,8 @@ class EvaluationCfg:
     """Source of the friction that a policy observes, see `parse_source`: `contract`, `true`, `true*0.7`."""
     first_episode: int = 0
     """Number of the first episode; start and noise of an episode follow from its number."""
+    friction_shape: tuple[float, ...] = ()
+    """Friction of each joint over that of the level [-], see `as_identified`; empty: 1 in every joint."""
 
     def __post_init__(self) -> None:
         """Validate the conditions."""
@@ -165,6 +167,12 @@ class EvaluationCfg:
     def robot_levels(self) -> np.ndarray:
         """Friction level of every robot of the batch, shape (N,): by level, then by command, then by episode."""
         return np.repeat(self.friction_levels, len(self.commands) * self.episodes)
+
+    def friction(self, contract: Contract) -> np.ndarray:
+        """Return the dry friction of every robot's joints, as from `friction_at`, shape (N, J)."""
+        from stiction.evaluation.rollout import friction_at
+
+        return friction_at(contract, self.robot_levels, self.law) * np.array(self.friction_shape or 1.0)
 
     @property
     def robot_commands(self) -> np.ndarray:
@@ -239,10 +247,8 @@ def drive_bundle(
     compensation: FrictionController | None = None,
 ) -> Driven:
     """Drive a checked bundle and return the motion of its robots; arguments and errors as of `drive`."""
-    from stiction.evaluation.rollout import friction_at
-
     spec = robot_of(bundle.contract, robot)
-    policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
+    policy = batch_policy(bundle, spec, cfg, cfg.friction(bundle.contract))
     return drive(policy, bundle.contract, spec, cfg, threads, progress, compensation)
 
 
@@ -263,14 +269,14 @@ def make_rollout(
     compensation: FrictionController | None = None,
 ) -> Rollout:
     """Return the robots of an evaluation in their first state; arguments and errors as of `drive`."""
-    from stiction.evaluation.rollout import Rollout, friction_at
+    from stiction.evaluation.rollout import Rollout
 
     streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
     return Rollout(
         contract,
         policy,
         spec,
-        friction_at(contract, cfg.robot_levels, cfg.law),
+        cfg.friction(contract),
         list(streams.values()),
         threads,
         cfg.noise,

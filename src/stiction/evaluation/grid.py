@@ -188,7 +188,8 @@ class GridCfg:
     def settings(self) -> dict[str, Any]:
         """Return the settings that affect a walk besides its own fields, as plain data."""
         names = ("episodes", "seconds", "settle", "seed", "noise", "action_delay", "static_ratio", "stribeck_velocity")
-        return {name: value for name, value in asdict(self.base).items() if name in names}
+        more = {"friction_shape": self.base.friction_shape} if self.base.friction_shape else {}
+        return more | {name: value for name, value in asdict(self.base).items() if name in names}
 
 
 REAL = "real"
@@ -347,7 +348,7 @@ def _walk_alone(bundle: Bundle, walk: Walk, cfg: EvaluationCfg, spec: Robot) -> 
     )
     case: RobotCase
     if walk.robot is None or walk.simulator.cell is None:
-        case = DataSheet(cfg.seed, cfg.law, float(walk.level))
+        case = DataSheet(cfg.seed, cfg.law, float(walk.level), cfg.friction_shape)
     else:
         case = Case(walk.robot, walk.simulator.cell, parse_level(walk.level))
     friction, known = (None if values is None else np.array(values) for values in (walk.forward, walk.known))

@@ -19,7 +19,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import into_frames, tilted
 from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy
-from stiction.evaluation.rollout import Rollout, friction_at
+from stiction.evaluation.rollout import Rollout
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
@@ -144,7 +144,7 @@ def record_walks(
     evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)
     commands, number, level = evaluation.parsed_commands, cfg.robots, evaluation.robot_levels
     streams = seed_streams(evaluation.seed, [f"episode {index}" for index in evaluation.numbers])
-    friction = friction_at(contract, level, evaluation.law)
+    friction = evaluation.friction(contract)
     rollout = Rollout(
         contract,
         batch_policy(bundle, spec, evaluation, friction),

@@ -38,6 +38,8 @@ class BenchFriction:
     """Joints whose friction was not identified."""
     notes: tuple[str, ...]
     """Substitutes used for them, in words."""
+    joints: dict[str, float]
+    """Joint -> f/τ_max: its own, else that of its kind [-]."""
 
     @property
     def array(self) -> np.ndarray:
@@ -59,6 +61,7 @@ def bench_friction(
     was identified as a linear axis.
     """
     shares: dict[str, list[float]] = {kind: [] for kind in kinds}
+    own: dict[str, float] = {}
     missing: dict[str, list[str]] = {kind: [] for kind in shares}
     keys = {name: file.key(name, kind) for name, kind in zip(joint_names, kinds, strict=True)}
     for name, kind, limit in zip(joint_names, kinds, torque_limit, strict=True):
@@ -67,18 +70,20 @@ def bench_friction(
             missing[kind].append(name)
         else:
             shares[kind].append(share)
+            own[name] = share
     held = [name for name, key in keys.items() if key is not None and file.joints[key].holding_friction is not None]
-    values, notes = {}, [f"{', '.join(held)}: friction in motion is told, and more holds at rest"] if held else []
+    values, notes = {}, [f"{', '.join(held)}: friction in motion is taken, and more holds at rest"] if held else []
     for (kind, known), other in zip(shares.items(), nominal, strict=True):
         values[kind] = float(np.mean(known)) if known else float(other)
         if missing[kind]:
             instead = "the mean of the other joints of the kind" if known else "the nominal friction of training"
             names = ", ".join(missing[kind])
             notes.append(
-                f"the friction of {names} was not identified: {instead} is told, {100 * values[kind]:.3g} % of the "
+                f"the friction of {names} was not identified: {instead} is taken, {100 * values[kind]:.3g} % of the "
                 "torque limit"
             )
-    return BenchFriction(values, tuple(name for names in missing.values() for name in names), tuple(notes))
+    joints = {name: own.get(name, values[kind]) for name, kind in zip(joint_names, kinds, strict=True)}
+    return BenchFriction(values, tuple(name for names in missing.values() for name in names), tuple(notes), joints)
 
 
 def _share(name: str, record: JointRecord, limit: float) -> float | None:

@@ -157,13 +157,15 @@ def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Seque
 
 @dataclass(frozen=True)
 class DataSheet:
-    """Robot of the data sheet, with the same share of friction in every joint."""
+    """Robot of the data sheet, with the same share of friction in every joint, or with shares of its joints."""
 
     seed: int
     """Seed for start poses and sensor noise."""
     law: Law
     level: float
     """Friction as a fraction of the torque limit, or its coefficient [-]."""
+    shape: tuple[float, ...] = ()
+    """Friction of each joint over that of the level [-]; empty: 1 in every joint."""
 
     def robot(self, hidden: Hidden) -> Hidden:
         """Return a robot without hidden imperfections."""
@@ -172,7 +174,7 @@ class DataSheet:
     def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         unit = np.ones(spec.num_joints) if has_coefficient(self.law.name) else spec.joint_values("torque_limit")
-        return JointFriction.under(self.law, self.level * unit, timestep)
+        return JointFriction.under(self.law, self.level * unit * np.array(self.shape or 1.0), timestep)
 
 
 FIRST_REPORTED = 1000
