@@ -323,7 +323,7 @@ CHAINS: dict[str, Callable[[], str]] = {
         "a day on the bench",
         [
             (["1 identify", "in the air, 1 h each"], ""),
-            (["2 train", "12 to 25 min each"], ""),
+            (["2 train", "36 to 75 min each"], ""),
             (["3 predict", "before any walk"], ""),
             (["4 walk", "3 h, three runs each"], ""),
             (["5 the page", "reached beside predicted"], ""),

@@ -130,13 +130,10 @@ def _bundle(path: Path) -> None:
     shutil.copytree(shipped_bundles()["saturn_lite-flat-deception-0.2"], path)
 
 
-def _go2(path: Path) -> None:
-    """Write a toy bundle of a Go2."""
-    # Here alone: `tools/stranger.py`, which reads this module, has no pytest.
-    from bundles import make_bundle, make_contract
-    from stiction.robots.catalog import find_robot
-
-    make_bundle(path, make_contract("go2", anatomy=find_robot("go2")))
+def _joints(path: Path) -> None:
+    """Write an identification of each kind of joint of a quadruped, 0.5 N m."""
+    friction = JointRecord(coulomb_friction=Estimate(0.5, 0.01, (0.48, 0.52)), test_condition="in_air")
+    JointsFile(dict.fromkeys(("hip", "thigh", "calf"), friction)).write(path)
 
 
 def _allowed(path: Path) -> None:
@@ -152,7 +149,7 @@ MADE: dict[str, Callable[[Path], None]] = {
     "shank.xml": _model,
     "training.json": _proposal,
     "deception": _bundle,
-    "go2-start": _go2,
+    "joints.json": _joints,
     "allowed.txt": _allowed,
 }
 """File -> what makes it."""
