@@ -46,17 +46,74 @@ def test_by_numbers_what_is_not_new_is_counted_and_never_taken(
     assert numbered(*numbers) == (taken, counted)
 
 
-@pytest.mark.parametrize("set_by", [-3600.0, -0.011, 0.3, 3600.0])
-def test_a_clock_that_is_set_once_does_not_move_the_time(set_by: float) -> None:
-    """By numbers, at once: time goes on by as much as passed here, also where several are read together then."""
-    arrivals, together = Arrivals(), Arrivals()
+SIZES = (0.011, 0.015, 0.02, 0.03, 0.045, 0.06, 0.3, 3600.0)
+
+
+@pytest.mark.parametrize("set_by", [sign * size for size in SIZES for sign in (1, -1)])
+@pytest.mark.parametrize("source", ["ticks", "numbers", "numbers and period", "arrival"])
+def test_a_clock_that_is_set_once_does_not_move_the_time(source: str, set_by: float) -> None:
+    """Time goes on by as much as passed, by ticks or numbers also where several states are read together then."""
+    arrivals, together = (Arrivals(period=PERIOD if source == "numbers and period" else math.nan) for _ in range(2))
     for n in range(1, 101):
-        stamp = PERIOD * n + (set_by if n >= 50 else 0.0)
-        assert arrivals.take(stamp, PERIOD * n, n) == pytest.approx(PERIOD * n, abs=1e-9)
+        stamp, number = PERIOD * n + (set_by if n >= 50 else 0.0), n if source.startswith("numbers") else None
+        ticks = 1e-3 * round(2 * n) if source == "ticks" else math.nan
+        at = arrivals.take(stamp, PERIOD * n, number, ticks, n)
+        # Without ticks and numbers the first states of a clock that was set back may be late ones.
+        if at is not None or source != "arrival" or set_by > 0 or not 50 <= n < 54:
+            assert at == pytest.approx(PERIOD * n, abs=1e-9)
         # Five at a time, when the last of them has come.
-        at = together.take(stamp, PERIOD * 5 * math.ceil(n / 5), n)
-        assert at is not None and abs(at - PERIOD * n) <= PERIOD
+        at = together.take(stamp, PERIOD * 5 * math.ceil(n / 5), number, ticks, n)
+        near = PERIOD if source == "numbers" else 1e-9
+        assert source == "arrival" or at == pytest.approx(PERIOD * n, abs=near)
     assert arrivals.counts.clock_steps == together.counts.clock_steps == 1
+
+
+def test_a_clock_that_is_set_is_known_beside_one_that_is_slow() -> None:
+    """Behind by 20 ms after 100 s, a clock is set by 15 ms: the time goes on."""
+    arrivals = Arrivals()
+    times = [arrivals.take(0.01 * n * (1 - 2e-4) + 0.015 * (n > 10_000), 0.01 * n) for n in range(10_003)]
+    assert times[-1] - times[-4] == pytest.approx(0.03, abs=1e-4)  # type: ignore[operator]
+
+
+def test_by_ticks_a_clock_may_be_set_as_often_as_it_likes() -> None:
+    """Ticks carry the time through two steps within two seconds, and through stamps that come late for a while."""
+    arrivals = Arrivals()
+    steps = {500: 0.3, 1500: -0.5, 1510: 0.02, 1520: -0.015, 1530: 0.004}
+    for n in range(1, 2001):
+        stamp = PERIOD * n + sum(by for at, by in steps.items() if n >= at)
+        at = arrivals.take(stamp, PERIOD * n, monotonic=1e-3 * round(2 * n), content=n)
+        assert at == pytest.approx(PERIOD * n, abs=1.001e-3)
+    assert arrivals.counts.clock_steps == 4
+
+
+def test_stamps_that_leave_the_ticks_never_stand_still() -> None:
+    """Written 4 or 20 ms late, or by a clock that is slow or fast: two states stay 1 ms apart, and near the ticks."""
+    for rate, late in ((0.9, 0.0), (1.0, 0.004), (1.0, 0.02), (1.1, 0.004)):
+        arrivals, before = Arrivals(), 0.0
+        for n in range(1, 1001):
+            stamp = rate * PERIOD * n + late * (n % 3 == 0)
+            at = arrivals.take(stamp, PERIOD * n, monotonic=1e-3 * round(2 * n), content=n)
+            assert at == pytest.approx(PERIOD * n, abs=2e-3) and at - before > 0.99e-3
+            before = at
+
+
+def test_ticks_that_advance_in_steps_of_a_simulator_are_no_clock() -> None:
+    """A count that stands still for five states of six, or begins late, leaves the time to the stamps."""
+    arrivals = Arrivals()
+    for n in range(1, 1001):
+        ticks = 0.0 if n < 500 else 0.012 * (n // 6)
+        assert arrivals.take(PERIOD * n, PERIOD * n, monotonic=ticks, content=n) == pytest.approx(PERIOD * n)
+    assert arrivals.counts.clock_steps == 0
+
+
+def test_a_robot_that_pauses_and_a_network_that_is_late_set_no_clock() -> None:
+    """By numbers: stamp and arrival agree on a pause of 30 ms; stamp and number on messages that come fast again."""
+    arrivals = Arrivals(period=PERIOD)
+    for n in range(1, 2001):
+        stamp = PERIOD * n + 0.03 * (n >= 100)
+        at = arrivals.take(stamp, stamp + (0.03 if 300 <= n < 1900 or n < 3 else 0.0), n)
+        assert at == pytest.approx(stamp)
+    assert arrivals.counts.clock_steps == 0
 
 
 def test_a_clock_that_is_slow_and_set_back_goes_on_from_where_it_was() -> None:
@@ -127,6 +184,14 @@ def test_a_clock_that_is_set_back_is_told_from_states_that_come_late() -> None:
     for n, at in enumerate(came[ignored:], start=ignored + 1):
         assert at == pytest.approx(10.002 + PERIOD * n)
     assert arrivals.counts.clock_steps == 1
+
+
+def test_a_clock_that_is_set_back_to_the_same_stamp_does_not_stand_still() -> None:
+    """By five periods, and the next six states come together: the one with the last stamp is not taken."""
+    arrivals = Arrivals()
+    arrivals.take(10.0, 0.0, content=0)
+    assert [arrivals.take(10.0 + PERIOD * (n - 5), 0.012, content=n) for n in range(1, 7)] == 5 * [None] + [10.002]
+    assert arrivals.counts.reordered == 5
 
 
 def test_a_robot_s_own_ticks_decide_where_it_has_them() -> None:

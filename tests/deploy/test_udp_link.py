@@ -86,7 +86,8 @@ def test_a_state_that_comes_again_or_late_is_no_state(robot: socket.socket) -> N
     while len(states) < 3 and time.monotonic() < until:
         states += link.receive()
     assert [each.number for each in states] == [1, 4, 6]
-    assert states[0].time < states[1].time < states[2].time < 10.0
+    # By numbers, however long they took.
+    assert [each.time for each in states] == pytest.approx([0.002, 0.008, 0.008 + 2 * PERIOD])
     assert link.arrivals.counts.reported() == {
         **{"dropped": 2, "late": 0, "twice": 1, "reordered": 1, "clock_steps": 1}
     }

@@ -12,6 +12,7 @@ from lockstep import Lockstep
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.transports.arrivals import STEP
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.virtual.faults import OF_ROBOT
 from stiction.virtual.serve import VirtualCfg
@@ -76,9 +77,10 @@ EXPECTED = {
 }
 """Fault of the robot -> the rules that may find it."""
 
-SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35, "lossy": 1.0}
+SLOW = {"lossy": 1.0} | dict.fromkeys(("tilting", "torque"), 0.3)
 SLOW |= dict.fromkeys(("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "slow-clock"), 0.3)
-"""Fault -> time within which it is found, where that takes a while [s]: it begins small, or is judged as a mean."""
+"""Fault -> time within which it is found, where that takes a while [s], see docs/safety.md: it begins small, or is
+judged as a mean."""
 
 
 @pytest.mark.parametrize("name", OF_ROBOT)
@@ -123,6 +125,22 @@ def test_a_network_that_errs_now_and_then_ends_nothing(name: str) -> None:
     for what, number in expected.items():
         # The last one may still be on its way.
         assert number - 1 <= counted[what] <= number, counted
+    loop.close()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_size_of_a_step_of_the_clock_ends_a_walk(sign: int) -> None:
+    """The clock is set by 3 ms to an hour, in another phase of the gait each time: the robot walks on."""
+    loop = lockstep(replace(ARMED, duration=None), VirtualCfg(seed=4, level="0", cell="sensors"))
+    loop.begin()
+    loop.run(1.0)
+    for step in (0.003, 0.01, 0.015, 0.02, 0.03, 0.045, 0.049, 0.06, 3600.0):
+        # As if the last one had been ten seconds ago.
+        loop.link.arrivals.begin()
+        loop.robot._clock += sign * step
+        loop.run(0.33)
+        assert loop.supervisor.stop_record is None, (step, loop.supervisor.stop_record)
+        assert loop.link.arrivals.counts.clock_steps == (sign < 0 or step > STEP)
     loop.close()
 
 

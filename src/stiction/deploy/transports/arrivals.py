@@ -2,7 +2,8 @@
 
 A network delivers a state twice, behind a newer one, or not at all, and a robot's clock is set while it walks. None of
 that stops a run by itself: a state that is not new is counted and ignored, and where the clock was set the time goes
-on as if it had not been. Lasting faults are for the supervisor: `stale state`, `lossy link`.
+on as if it had not been: by the robot's ticks, else by the numbers of its messages, else as our own clock does. Lasting
+faults are for the supervisor: `stale state`, `lossy link`.
 """
 
 from __future__ import annotations
@@ -10,19 +11,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-STEP = 0.05
-"""Lead of a stamp over the fastest message above which the clock counts as set [s]. A smaller step forward
-breaks no rule."""
+STEP = 0.005
+"""Lead of a stamp, over what other clocks say, above which the clock counts as set [s]. A joint at 20 rad/s moves by
+0.1 rad in it, as much as `velocity and angle` allows."""
 
-DRIFT = 0.01
-"""Rate at which the lead of the fastest message is forgotten [s/s]: clocks drift apart, by far less than that."""
+DRIFT = 0.001
+"""Rate at which the lead of the fastest message is forgotten [s/s]: clocks drift apart, by less than that."""
 
 LEAST = 1e-3
-"""Shortest time between two states, where the clock was set between them [s]."""
+"""Shortest time between two states, where stamps do not say it [s]."""
+
+FINE = 1e-3
+"""Largest distance between stamps and the robot's ticks [s]: the resolution of ticks."""
 
 STEPS_APART = 10.0
-"""Shortest time between two settings of a clock [s]. A clock that jumps more often is broken, and its jumps are left
-in: `time jump`, or `time stands still`."""
+"""Shortest time between two settings of a clock [s], where a robot has no ticks. A clock that jumps more often is
+broken, and its jumps are left in: `time jump`, or `time stands still`."""
 
 RESUMED = 0.005
 """Time for which older stamps follow each other before they count as those of a clock that was set back [s]. Late
@@ -47,7 +51,7 @@ class Counts:
     reordered: int = 0
     """States that came behind a newer one; ignored."""
     clock_steps: int = 0
-    """Number of times that the robot's clock was set."""
+    """Number of times that the robot's clock was set, or left its ticks."""
 
     @property
     def share(self) -> tuple[float, float]:
@@ -67,20 +71,23 @@ COUNTED = ("dropped", "late", "twice", "reordered", "clock_steps")
 class Arrivals:
     """Filter of one robot's messages, in the order of their arrival; its size does not grow."""
 
-    def __init__(self, dropped: float = 0) -> None:
-        """Start without messages; dropped: NaN where messages have no numbers, by which lost ones could be counted."""
-        self._dropped = dropped
+    def __init__(self, dropped: float = 0, period: float = math.nan) -> None:
+        """Start without messages.
+
+        dropped: NaN where messages have no numbers, by which lost ones could be counted; period: time between two
+        numbers [s]; NaN: unknown.
+        """
+        self._dropped, self._period = dropped, period
         self._number = self._seen = 0
-        self._stamp = self._arrival = self._monotonic = math.nan
-        self._real = self._lead = 0.0
+        self._stamp = self._arrival = self._monotonic = self._time = self._ticked = math.nan
         self._content: object = None
-        self._offset, self._set = 0.0, -math.inf
+        self._offset, self._fastest = 0.0, -math.inf
         self._older: list[tuple[float, float]] = []
         self.begin()
 
     def begin(self) -> None:
-        """Count from here on: a loss before a run is no fault of it."""
-        self.counts = Counts(dropped=self._dropped)
+        """Count from here on: a loss, or a clock that is set, before a run is no fault of it."""
+        self.counts, self._set = Counts(dropped=self._dropped), -math.inf
 
     def take(
         self,
@@ -98,10 +105,13 @@ class Arrivals:
         """
         if not math.isfinite(stamp):
             return stamp
+        counted = math.nan if number is None else (number - self._number) * self._period
         if not (self._is_new(stamp, arrival, monotonic, content) if number is None else self._is_next(number)):
             return None
         self.counts.new += 1
-        return self._time(stamp, arrival, monotonic, content)
+        self._time = self._measured(stamp, arrival, counted, monotonic)
+        self._stamp, self._arrival, self._monotonic, self._content = stamp, arrival, monotonic, content
+        return self._time
 
     def _is_next(self, number: int) -> bool:
         """Return True if a number is higher than all before it; count missing, late and repeated ones."""
@@ -130,11 +140,12 @@ class Arrivals:
             ahead = stamp - self._stamp
             if ahead < 0 and self._was_set_back(stamp, arrival):
                 return True
-        if ahead > 0 or (ahead == 0 and content != self._content):
-            # Other numbers at one time: the clock stands still, which is for the rules.
+        again = ahead == 0 and content == self._content
+        if ahead > 0 or (ahead == 0 and not again and not self._older):
+            # Other numbers at one time: the clock stands still, which is for the rules; not where it was just set back.
             self._older = []
             return True
-        if ahead == 0:
+        if again:
             self.counts.twice += 1
         else:
             self.counts.reordered += 1
@@ -151,21 +162,28 @@ class Arrivals:
         self._older = []
         return True
 
-    def _time(self, stamp: float, arrival: float, monotonic: float, content: object) -> float:
-        """Return a new state's time, and remember it; where the clock was set, its time goes on."""
-        elapsed, passed, by_robot = stamp - self._stamp, arrival - self._arrival, monotonic - self._monotonic
-        if math.isnan(elapsed):
-            self._lead = stamp
-        else:
-            real = by_robot if by_robot > 0 else passed
-            self._real += real
-            lead, before = stamp - self._real, self._lead - DRIFT * real
-            if (elapsed < 0 or lead - before > STEP) and arrival - self._set >= STEPS_APART:
+    def _measured(self, stamp: float, arrival: float, counted: float, monotonic: float) -> float:
+        """Return a new state's time; where the clock was set, the time goes on.
+
+        counted: time since the state before, by their numbers [s].
+        """
+        at, passed, ticks = stamp + self._offset, arrival - self._arrival, monotonic - self._monotonic
+        fastest, ticked = self._fastest - DRIFT * passed, self._ticked + ticks
+        if math.isnan(self._time):
+            fastest = at - arrival
+        elif ticked > self._ticked:
+            if abs(at - ticked) > STEP:
+                at, self.counts.clock_steps = ticked, self.counts.clock_steps + 1
+            at = min(max(at, ticked - FINE, self._time + LEAST), ticked + FINE)
+        elif arrival - self._set >= STEPS_APART:
+            elapsed, ahead = at - self._time, at - arrival - fastest
+            # A robot that pauses is late by its numbers alone, a message that came fast by our clock alone.
+            ahead = ahead if math.isnan(counted) else min(ahead, elapsed - counted)
+            if elapsed < 0 or ahead > STEP:
                 self.counts.clock_steps, self._set = self.counts.clock_steps + 1, arrival
                 # From the state before, and not by the fastest message: a robot's clock may be slow for long.
-                expected = self._stamp + max(real, LEAST)
-                self._offset += expected - stamp
-                lead = before = before + stamp - expected
-            self._lead = max(lead, before)
-        self._stamp, self._arrival, self._monotonic, self._content = stamp, arrival, monotonic, content
-        return stamp + self._offset
+                at = self._time + max(passed if math.isnan(counted) else counted, LEAST)
+        # Ticks that stand still, as a simulator's may between its steps, are no clock.
+        self._ticked = ticked if ticked > self._ticked else math.nan if ticks == 0 else at
+        self._offset, self._fastest = at - stamp, max(at - arrival, fastest)
+        return at

@@ -68,7 +68,7 @@ class UdpLink:
         # From a random number, so that a second writer's commands are not taken for ours.
         self.number = secrets.randbits(40)
         self.malformed, self.complaint = 0, ""
-        self.arrivals, self._emptied = Arrivals(), time.monotonic()
+        self.arrivals, self._emptied = Arrivals(period=period), time.monotonic()
         self._strangers = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._robots = [f"{address[0]}:{address[1]}"]
         try:
