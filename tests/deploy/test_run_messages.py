@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from deployed import CONTRACT, JOINTS, SHORT, STANDING, Run, state
+from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
 from stiction.deploy.control import ControlLoop, JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.config import OperatorCfg
+from stiction.deploy.runtime.operator import Operator
 from stiction.deploy.runtime.policy_process import PolicyProcess
-from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.runtime.report import Timing
+from stiction.deploy.runtime.runtime import Injected, _Loop
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.link import command_layout, command_of, state_layout, state_of, state_vectors
 from stiction.deploy.transports.messages import HEAD, TAIL
+from stiction.deploy.transports.udp import UdpLink
 from stiction.files.bundle import find_bundle, read_bundle
 
 STATES, COMMANDS = state_layout(JOINTS, 6), command_layout(JOINTS)
@@ -40,6 +46,19 @@ def test_states_and_commands_arrive_as_they_were_sent() -> None:
     assert again is not None
     for name, value in vars(command_of(COMMANDS, again)).items():
         np.testing.assert_array_equal(value, getattr(sent, name))
+
+
+def test_states_that_were_too_old_when_a_newer_one_was_read_are_counted() -> None:
+    """One older than `--stale` behind newer ones is late, one younger than that is not."""
+    link = UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD)
+    ages = enumerate((SHORT.stale + 0.01, SHORT.stale - 0.01, 0.0), start=1)
+    states = [state(n, PERIOD * n, age=age) for n, age in ages]
+    link.receive = lambda: states  # type: ignore[method-assign]
+    supervisor, operator = Supervisor(CONTRACT, SHORT, PERIOD, time.monotonic()), Operator(OperatorCfg(), 0.0)
+    loop = _Loop(supervisor, link, None, None, None, None, operator, Timing(), Injected(), lambda text: None)
+    loop._run_once()
+    assert loop.states == 3 and link.arrivals.counts.late == 1
+    link.close()
 
 
 def test_every_damaged_message_is_none() -> None:

@@ -114,7 +114,7 @@ import json, socket, sys, time
 from stiction.deploy.transports.link import command_layout, command_of
 port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 port.bind(("127.0.0.1", 0))
-port.settimeout(300)
+port.settimeout(120)
 print(port.getsockname()[1], flush=True)
 layout, numbers = command_layout(int(sys.argv[1])), []
 while len(numbers) < int(sys.argv[2]):
@@ -142,7 +142,8 @@ link = UdpLink(("127.0.0.1", port), contract.joint_names, contract.anatomy.foot_
 ones = np.ones(contract.num_joints)
 cfg = SupervisorCfg(armed=True, settle=0.1, settle_limit=3.0, gap=10.0 if ending == "done" else 0.06)
 with watchdog_process(bundle, folder, link, cfg) as watchdog:
-    watchdog.beat(time.monotonic(), guards=False)
+    # A beat of three minutes ahead: before the robot gives up, only the end of the process can be noticed.
+    watchdog.beat(time.monotonic() + (180.0 if ending == "SIGKILL" else 0.0), guards=False)
     watchdog.guard()
     for _ in range(5):
         watchdog.sent(link.send(JointCommand(ones, ones, ones, ones)))
@@ -155,6 +156,36 @@ with watchdog_process(bundle, folder, link, cfg) as watchdog:
     os.kill(os.getpid(), signal.Signals[ending])
     time.sleep(600)
 """
+
+
+@pytest.mark.parametrize("acts", [False, True])
+def test_a_frame_with_gains_is_guarded_and_does_not_follow_a_takeover(acts: bool) -> None:
+    """The watchdog guards when the first one goes out; one that was decided in the turn of a takeover stays here."""
+    memory, sent = np.zeros(8), list[tuple[bool, float]]()
+    memory[LOOKED] = np.inf
+
+    def receive() -> list[RobotState]:
+        memory[ACTED] = acts
+        return [state(1, 1.0)]
+
+    def send(command: JointCommand) -> int:
+        sent.append((bool(command.kp.any()), memory[LIMIT]))
+        return len(sent)
+
+    link = UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD)
+    link.receive, link.send = receive, send  # type: ignore[method-assign]
+    watchdog = Watchdog(memory, GAP, SimpleNamespace(pid=os.getpid(), poll=lambda: None))  # type: ignore[arg-type]
+    patient = replace(SHORT, stale=10.0, silence=10.0, gap=10.0)
+    supervisor, operator = Supervisor(CONTRACT, patient, PERIOD, time.monotonic()), Operator(OperatorCfg(), 0.0)
+    supervisor.policy_waits(time.monotonic())
+    loop = _Loop(supervisor, link, None, None, None, watchdog, operator, Timing(), Injected(), lambda text: None)
+    loop._run_once()
+    assert supervisor.stage is Stage.STAND and sent == ([] if acts else [(True, GAP)])
+    if acts:
+        loop._run_once()
+        assert supervisor.stage is Stage.DAMP and sent and not any(stiff for stiff, _ in sent)
+    link.close()
+    watchdog.close()
 
 
 @pytest.mark.parametrize("broken", [False, True])
@@ -181,7 +212,7 @@ BUNDLE = find_bundle(Path("saturn_lite-flat-deception-0.2"))
 
 @pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP", "error", "done"])
 def test_a_supervisor_that_did_not_damp_is_relieved_from_its_own_port(ending: str) -> None:
-    """Damping comes from its port, with the numbers behind its last, and the watchdog ends; none after a proper end."""
+    """Damping comes from its port, numbered behind its last, when it is killed at once; none after a proper end."""
     words = [str(read_bundle(BUNDLE).contract.num_joints), "5" if ending == "done" else "20"]
     with subprocess.Popen([sys.executable, "-c", ROBOT, *words], stdout=subprocess.PIPE, text=True) as robot:
         assert robot.stdout is not None
