@@ -13,7 +13,9 @@ from packaging.requirements import Requirement
 
 import stiction
 from plain_sentences import blocks, long_sentences
+from stiction.cli.deploy import DeployCfg
 from stiction.cli.main import VERBS
+from stiction.core.flags import entries
 
 CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
@@ -165,6 +167,13 @@ def test_the_list_of_verbs_is_whole() -> None:
     """docs/verbs.md lists every verb, in the order of `VERBS`."""
     listed = re.findall(r"^\| `stiction ([\w-]+)`", (CHECKOUT / "docs/verbs.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(VERBS)
+
+
+def test_the_options_of_the_safety_page_exist() -> None:
+    """Each flag and each setting that docs/safety.md names is one of `stiction deploy`."""
+    quoted = re.findall(r"`([^`]*)`", (CHECKOUT / "docs/safety.md").read_text())
+    names = re.findall(r"--(?:set [\w.-]+|[\w.-]+)", "\n".join(word for word in quoted if "verify" not in word))
+    assert len(names) > 10 and set(names) <= {entry.typed for entry in entries(DeployCfg)}
 
 
 def test_the_reference_has_every_public_name() -> None:
