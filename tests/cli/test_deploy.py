@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from bundles import make_bundle, make_contract
 from processes import is_alive, stiction, wait_until
 from stiction.cli import deploy
 from stiction.cli.main import main
+from stiction.deploy.transports.link import Peers
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.observation import proprioception
@@ -170,6 +173,25 @@ def test_a_run_of_which_a_process_is_killed_leaves_a_log_and_no_orphan(victim: s
     log = read_run_log(out / "log")
     assert len(log.readings["time"]) > 10
     time.sleep(0.05)
+
+
+class Terminal(io.StringIO):
+    """Terminal at which somebody has typed."""
+
+    def isatty(self) -> bool:
+        """Return True."""
+        return True
+
+
+@pytest.mark.parametrize(("typed", "readers"), [("Yes\n", 3), ("no\n", 1), ("\n", 1), ("", 1)])
+def test_only_a_typed_yes_lets_further_programs_listen(
+    typed: str, readers: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """Ctrl-D, the end of the input, is no, and no error of the program."""
+    monkeypatch.setattr(sys, "stdin", Terminal(typed))
+    link = Mock(peers=lambda: Peers(("robot",), ("robot's", "one", "two")))
+    assert deploy._consent(Mock(armed=True, json=False, readers=1), link) == readers
+    assert "3 programs read the commands" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

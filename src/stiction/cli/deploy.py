@@ -281,7 +281,11 @@ def _consent(cfg: DeployCfg, link: Link) -> int:
     listed = "".join(f"\n  {name}" for name in readers)
     count = f"{len(readers)} programs read the commands, and each may move by them"
     print(f"stiction deploy: {count}:{listed}", file=sys.stderr)
-    answer = input(f"Type yes where all but {cfg.readers} only listen: ")
+    try:
+        answer = input(f"Type yes where all but {cfg.readers} only listen: ")
+    except EOFError:  # Ctrl-D.
+        answer = ""
+        print(file=sys.stderr)
     return len(readers) if answer.strip().lower() == "yes" else cfg.readers
 
 
