@@ -116,7 +116,7 @@ def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tm
     assert len(notes) == 2 and all(
         text.startswith("friction of saturn_lite--mujoco--all--0.1--4 for listener: ") for text in notes
     )
-    assert "ML_hip was not" in notes[0] and "nominal friction of training is told, 20 %" in notes[1]
+    assert "ML_hip was not" in notes[0] and "nominal friction of training is taken, 20 %" in notes[1]
     mine, other = summary["rows"]
     assert mine["known_friction"]["3"] == pytest.approx((0.04, 0.08, 0.2)) and "known_friction" not in other
     assert summary["evaluation"]["known_friction"] == "bench"

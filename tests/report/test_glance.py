@@ -77,7 +77,7 @@ def test_a_joint_is_five_lines_with_the_command_alone_on_its_line() -> None:
     ("record", "answer"),
     [
         (joint(0.001, 0.002), "NO"),
-        (joint(0.04, 0.05), "A LITTLE"),
+        (joint(0.006, 0.01), "A LITTLE"),
         (joint(0.05, 0.07), "PROBABLY"),
         (joint(0.13, 0.2), "YES"),
         (joint(-0.01, 0.04, findings=(FAINT,)), "CANNOT BE TOLD"),

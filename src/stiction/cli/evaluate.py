@@ -43,8 +43,7 @@ class EvaluateCfg:
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
     joints: tuple[Path, ...] = field(default=(), metadata=excludes("--friction-levels", "--friction-law", *TOLD))
-    """One or more joints.json of `stiction identify`, in place of the levels: each joint has its dry friction, else the
-    mean of its kind; the level is the mean over the joints."""
+    """Files joints.json with the dry friction of each joint, else of its kind, in place of levels."""
     friction_law: Annotated[str, law_flag("Law of the dry friction, whatever the training's.")] = "coulomb"
     static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
@@ -219,7 +218,7 @@ batch, some three seconds of computing; of --forward and --known-friction bench 
 GROUPS = {
     "usually needed": ("--friction-levels", "--commands", "--engines", "--terrains", "--out", "--json"),
     "which robot": ("--robot", "--robots", "--robot-levels"),
-    "the friction": ("--joints", "--friction-law", "--forward", "--known-friction"),
+    "the friction": ("--friction-law", "--forward", "--known-friction"),
     "how much of it": ("--episodes", "--seconds", "--seed", "--jobs"),
     "what else": ("--log", "--judge-again", "--key", "--overwrite"),
 }

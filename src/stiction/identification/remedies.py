@@ -23,7 +23,7 @@ GAIN = "@kp="
 def gain_text(limit: float | None, kp: float | None, evidence: OnsetEvidence | None = None) -> str:
     """Return what another gain would change, by the robot that walked with several; empty where none did.
 
-    limit: torque limit [N m]; kp: gain [N m/rad], None where unknown; evidence: by default the shipped one.
+    limit: torque limit [N m]; kp: gain [N m/rad], None or 0 where unknown; evidence: by default the shipped one.
     """
     conditions = (evidence or shipped_onsets()).conditions
     base = next((one.robot.partition(GAIN)[0] for one in conditions if GAIN in one.robot), None)
@@ -41,7 +41,7 @@ def gain_text(limit: float | None, kp: float | None, evidence: OnsetEvidence | N
         f"{onsets} % of the torque limit and half of all at {still} %; its joints jitter "
         f"{_listed([median(one.jitter) for one in gains])} rad/s². No other robot was tried"
     )
-    if limit is None or kp is None:
+    if not limit or not kp:
         return f"Raise kp: a training with soft joints may gain by it, one with stiff joints does not. {seen}."
     if limit / kp <= GAINS_ALIKE * best:
         return f"Raising kp is not advised, τ_max/kp is {two_digits(limit / kp)} rad: {seen}."
