@@ -18,7 +18,6 @@ from stiction.evaluation.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluation.export import TrainedPolicy, contract_of
 from stiction.evaluation.newest import LatentPolicy, privileged_of
 from stiction.evaluation.policies import known_to, parse_source
-from stiction.evaluation.rollout import friction_at
 from stiction.files.contract import robot_of
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_actor
@@ -112,7 +111,7 @@ def walk_run(
         )
     contract = contract_of(train, header)
     spec, actor = robot_of(contract), load_actor(directory, who)
-    privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
+    privileged, friction = None, cfg.friction(contract)
     known = known_to(contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     if who == "teacher":
         privileged = privileged_of(directory, actor, contract, spec, friction_share(cfg.law.name, friction, spec))

@@ -11,7 +11,6 @@ from stiction.core.errors import RobotError
 from stiction.core.rotation import roll_pitch
 from stiction.evaluation.evaluate import EvaluationCfg, batch_policy, make_rollout
 from stiction.evaluation.metrics import moving_steps
-from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.walk import Recording
@@ -94,7 +93,7 @@ def sway(tilt: np.ndarray, moving: np.ndarray) -> float:
 def walked(bundle: Bundle, cfg: EvaluationCfg) -> tuple[Recording, np.ndarray]:
     """Let a policy walk in MuJoCo; return the motion after settling, and roll and pitch [rad], shape (T, N, 2)."""
     contract, spec = bundle.contract, robot_of(bundle.contract)
-    friction = friction_at(contract, cfg.robot_levels, cfg.law)
+    friction = cfg.friction(contract)
     rollout = make_rollout(batch_policy(bundle, spec, cfg, friction), contract, spec, cfg)
     steps = round(cfg.duration / contract.control_period)
     recorder, tilt = Recorder(rollout, contract.control_period, steps), []

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, make_rollout
-from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.onset import LEAST, STANDS, Motion, motion_of, predict_standstill
@@ -128,7 +127,7 @@ def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> d
 def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:
     """Walk a policy and return the motion of its joints; cfg: without friction."""
     contract, spec = bundle.contract, robot_of(bundle.contract)
-    policy = batch_policy(bundle, spec, cfg, friction_at(contract, cfg.robot_levels))
+    policy = batch_policy(bundle, spec, cfg, cfg.friction(contract))
     rollout = make_rollout(policy, contract, spec, cfg, threads)
     first, seen = round(cfg.settle / contract.control_period), []
     for number, step in enumerate(drive(rollout, cfg.robot_commands, round(cfg.seconds / contract.control_period))):

@@ -129,6 +129,11 @@ class OnsetCondition:
         """Return the median over the seeds of an onset on an axis, or of another reading."""
         return median(self.each(axis, reading))
 
+    @property
+    def softness(self) -> float:
+        """τ_max/kp, mean over joints [rad]."""
+        return self.factors["dead_band_mean"][0]
+
 
 @dataclass(frozen=True)
 class OnsetEvidence:
@@ -180,14 +185,9 @@ class Nearest:
     @property
     def title(self) -> str:
         """Robot and the change of its gains, for readers: `Saturn Lite with kp × 2`."""
-        return condition_title(self.condition.robot)
-
-
-def condition_title(robot: str) -> str:
-    """Return a condition's name for readers: `Saturn Lite with kp × 2` of `saturn_lite@kp=2`."""
-    name, _, change = robot.partition("@")
-    field, _, factor = change.partition("=")
-    return robot_title(name) + (f" with {field} × {factor}" if change else "")
+        name, _, change = self.condition.robot.partition("@")
+        field, _, factor = change.partition("=")
+        return robot_title(name) + (f" with {field} × {factor}" if change else "")
 
 
 def nearest(robot: str | None, gains: np.ndarray, evidence: OnsetEvidence) -> Nearest:

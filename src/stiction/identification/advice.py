@@ -179,6 +179,10 @@ def shipped() -> dict[str, Source]:
     return read_advice(Path(__file__).parent / "advice.json")
 
 
+FAILS = "It does not cover"
+"""Begin of the answer where what walked shows that a training does not cover a friction."""
+
+
 @dataclass(frozen=True)
 class Advice:
     """Advised training, and its evidence."""
@@ -248,7 +252,7 @@ class Advice:
     @property
     def fails(self) -> bool:
         """True if what walked shows that it does not cover the request."""
-        return self._answer.startswith("It does not")
+        return self._answer.startswith(FAILS)
 
     @property
     def _answer(self) -> str:
@@ -265,7 +269,7 @@ class Advice:
             followed, total = (sum(getattr(cell, name) for cell in cells) for name in ("followed", "cells"))
             answer = f"It nearly covers {asked}, {followed} of {total} pairs of seed and command"
         else:
-            answer = f"It does not cover {asked}"
+            answer = f"{FAILS} {asked}"
         return answer
 
     @property
@@ -391,8 +395,7 @@ def _by_seed(cells: Sequence[CommandCount]) -> list[int]:
 def _rank(cells: Sequence[CommandCount], levels: Sequence[float]) -> tuple[bool, float, float]:
     """Return the rank of a training: covered, share of followed cells, least miss; larger is better."""
     total = sum(cell.cells for cell in cells)
-    share = sum(cell.followed for cell in cells) / total
-    return _all_covered(cells, levels), share, -sum(cell.miss * cell.cells for cell in cells) / total
+    return _all_covered(cells, levels), _share(cells), -sum(cell.miss * cell.cells for cell in cells) / total
 
 
 def _all_covered(cells: Sequence[CommandCount], levels: Sequence[float]) -> bool:

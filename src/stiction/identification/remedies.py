@@ -6,7 +6,7 @@ from statistics import median
 
 from stiction.core.records import two_digits
 from stiction.files.advice import robot_title
-from stiction.files.onset import GAINS_ALIKE, OnsetCondition, OnsetEvidence, shipped_onsets
+from stiction.files.onset import GAINS_ALIKE, OnsetEvidence, shipped_onsets
 
 FORWARD = (
     "Feed it forward: `stiction deploy BUNDLE --forward joints.json`. On virtual robots, with the friction of their "
@@ -30,9 +30,9 @@ def gain_text(limit: float | None, kp: float | None, evidence: OnsetEvidence | N
     gains = [one for one in conditions if base and (one.robot == base or one.robot.startswith(base + GAIN))]
     if base is None or len(gains) < 2:
         return ""
-    gains.sort(key=_softness, reverse=True)
-    best = _softness(max(gains, key=lambda one: one.on("torque_limit")))
-    softness = _listed([_softness(one) for one in gains])
+    gains.sort(key=lambda one: one.softness, reverse=True)
+    best = max(gains, key=lambda one: one.on("torque_limit")).softness
+    softness = _listed([one.softness for one in gains])
     onsets, still = (
         _listed([100 * one.on("torque_limit", reading) for one in gains]) for reading in ("onsets", "standstill")
     )
@@ -51,11 +51,6 @@ def gain_text(limit: float | None, kp: float | None, evidence: OnsetEvidence | N
 def other_ways(limit: float | None, kp: float | None) -> str:
     """Return the remedies; limit: torque limit [N m]; kp: gain [N m/rad]; None where unknown."""
     return f"Beside a training: {FORWARD}. {gain_text(limit, kp)} Repair the joint: it needs none of these then."
-
-
-def _softness(condition: OnsetCondition) -> float:
-    """Return τ_max/kp, mean over joints [rad]."""
-    return condition.factors["dead_band_mean"][0]
 
 
 def _listed(values: list[float]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from stiction.core.records import two_digits
 from stiction.files.advice import robot_title
 from stiction.files.joints import JointRecord
-from stiction.files.onset import Nearest, OnsetEvidence, nearest, shipped_onsets
+from stiction.files.onset import OnsetEvidence, nearest, shipped_onsets
 
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
@@ -53,19 +53,14 @@ class Thresholds:
         return self.noticed[0], self.onset[0], median(self.onset)
 
 
-def near_of(record: JointRecord, robot: str | None, evidence: OnsetEvidence) -> Nearest:
-    """Return the condition that is nearest to a joint; robot: its name, None where unknown."""
-    gains = [[record.torque_limit or math.nan, record.kp or math.nan]]
-    return nearest(robot, np.array(gains), evidence)
-
-
 def thresholds(record: JointRecord, robot: str | None, axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
     """Return what friction did to policies of this robot with these gains, or of every robot where that is not known.
 
     evidence: by default the shipped one.
     """
     evidence = evidence or shipped_onsets()
-    near = near_of(record, robot, evidence)
+    gains = np.array([[record.torque_limit or math.nan, record.kp or math.nan]])
+    near = nearest(robot, gains, evidence)
     walked = (near.condition,) if near.same else (*evidence.conditions, *evidence.others)
     noticed, onset = (
         sorted(value for each in walked for value in each.each(axis, reading)) for reading in ("noticed", "onsets")
