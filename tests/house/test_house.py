@@ -10,6 +10,7 @@ import ast
 import re
 import sys
 import tomllib
+from collections import Counter
 from importlib import metadata
 from pathlib import Path
 
@@ -193,6 +194,12 @@ MOST_REREAD = {
 }
 """Folder -> most docstrings without a noun in front and variables without a meaning; a bound only ever falls. The
 two are columns of flags.csv."""
+
+
+def test_no_two_test_modules_share_a_name() -> None:
+    """Test modules are imported by their names alone: of two with one name, one cannot be collected."""
+    names = Counter(path.name for path in (ROOT / "tests").rglob("test_*.py"))
+    assert not [name for name, count in names.items() if count > 1]
 
 
 def test_the_rules_of_words_find_what_they_forbid() -> None:
