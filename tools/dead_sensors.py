@@ -19,15 +19,12 @@ from __future__ import annotations
 import argparse
 import csv
 import math
-import subprocess
 import sys
-import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from corpus_parts import CHECKOUT, OLD
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 from lockstep import Lockstep
@@ -45,15 +42,9 @@ from stiction.virtual.robot import PERIOD, Wear
 from stiction.virtual.serve import VirtualCfg
 from stiction.virtual.trial import World
 
-ROBOTS = "results/robots/policies"
-POLICIES = (
-    "saturn_lite-flat-deception-0.2",
-    f"{ROBOTS}/go1-deception-s10",
-    f"{ROBOTS}/go2-deception-s10",
-)
-"""Policies of robots that come with the package; `PAST`: the G1's, which stands in git's history alone."""
-
-PAST = f"{ROBOTS}/g1-flat-none-s0"
+SHIPPED = "saturn_lite-flat-deception-0.2"
+TRAINED = ("go1-deception-s10", "go2-deception-s10", "g1-none-s10")
+"""Policies of the robots that come with the package: the hexapod's, which does too, and those of results/robots."""
 
 FAULTS = ("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "offset-joint", "slow-clock")
 
@@ -112,9 +103,7 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
     broken_at = begin + seconds - 1.0 if fault else np.inf
     while loop.supervisor.stop_record is None and loop.now < begin + seconds:
         if loop.now > commanded and not fault:
-            turn = 0.0 if biped else 1.0
-            drawn = chance.uniform(-1, 1, 3) * (speed, 0.4 * turn * speed, 0.6 * turn) * (chance.random() > 0.15)
-            command[:] = np.abs(drawn) if biped else drawn
+            command[:] = chance.uniform(-1, 1, 3) * (speed, 0.4 * speed, 0.6) * (chance.random() > 0.15)
             loop.supervisor.command_velocity(command, loop.now)
             commanded += 4.0
         if loop.now > pushed and not fault:
@@ -172,12 +161,8 @@ def exchanges(bundle: Bundle, seed: int) -> list[dict[str, object]]:
 
 def read_policies() -> list[Bundle]:
     """Return a policy of each robot."""
-    with tempfile.TemporaryDirectory() as folder:
-        packed = subprocess.run(["git", "archive", OLD, PAST], cwd=CHECKOUT, capture_output=True, check=True)
-        subprocess.run(["tar", "x"], cwd=folder, input=packed.stdout, check=True)
-        shipped, *paths = POLICIES
-        folders = [find_bundle(Path(shipped)), *(CHECKOUT / path for path in paths), Path(folder) / PAST]
-        return [read_bundle(path, allow_record=True) for path in folders]
+    trained = [Path(__file__).parents[1] / "results/robots/policies" / name for name in TRAINED]
+    return [read_bundle(folder, allow_record=True) for folder in (find_bundle(Path(SHIPPED)), *trained)]
 
 
 def kept(file: Path) -> list[dict[str, str]]:
