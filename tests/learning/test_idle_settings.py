@@ -83,8 +83,8 @@ REFUSED = [
         "--set task.randomization.center_of_mass other than 0",
     ),
     (
-        "--method none --set task.friction.steps=2",
-        "--set task.friction.steps",
+        "--method none --set task.friction.stages=2",
+        "--set task.friction.stages",
         "friction in training, such as --task.friction.range 0 1.2",
     ),
     (
@@ -106,11 +106,10 @@ REFUSED = [
         "--friction-level above 0",
     ),
     (
-        "--method direct --set task.friction.pretraining=0.3",
-        "--set task.friction.pretraining",
-        "a --method whose schedule has it",
+        "--method none --set task.friction.begin=0.4",
+        "--set task.friction.begin",
+        "friction in training, such as --task.friction.range 0 1.2",
     ),
-    ("--method finetune --set task.friction.steps=8", "--set task.friction.steps", "a --method whose schedule has it"),
     ("--set task.friction.static_ratio=2", "--set task.friction.static_ratio", "--friction-law stribeck"),
     ("--set task.friction.stribeck_velocity=0.3", "--set task.friction.stribeck_velocity", "--friction-law stribeck"),
     (
@@ -201,7 +200,7 @@ ACCEPTED = [
     "--friction-level 0 --task.friction.load 0 0.1",
     "--task.friction.range 0 0 --task.friction.load 0 0.1",
     "--task.friction.mixture 0.2 0 0 0.8 1 1 --task.friction.per joint",
-    "--method iterative --set task.friction.steps=8 --set task.friction.pretraining=0.3",
+    "--method iterative --set task.friction.stages=8 --set task.friction.begin=0.3",
     "--physics rows --set task.physics.impedance=0.9",
     "--task.physics.stiffness 500 --set task.physics.iterations=20",
     "--task.known-friction --set task.randomization.known_friction=[1,1]",

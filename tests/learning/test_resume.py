@@ -21,7 +21,7 @@ from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
 
 CFG = TrainCfg(
-    task=TaskCfg(robot="go1", friction=FrictionCfg("iterative", level=0.1, steps=2)),
+    task=TaskCfg(robot="go1", friction=FrictionCfg("iterative", level=0.1, stages=2)),
     network=NetworkCfg(actor=(8,), critic=(8,), privileged=(8,), history_frame=4, history=(8,), latent=3),
     teacher=TeacherCfg(iterations=5, steps=4, epochs=1, mini_batches=2, alternate=2),
     student=StudentCfg(iterations=3, steps=4, epochs=1, mini_batches=2),

@@ -25,7 +25,7 @@ CFG = TrainCfg(
     task=TaskCfg(
         robot="go1",
         terrain=TerrainCfg(kind="mixed"),
-        friction=FrictionCfg("iterative", level=0.1, steps=2),
+        friction=FrictionCfg("iterative", level=0.1, stages=2),
     ),
     network=NetworkCfg(
         actor=(16,), critic=(16,), privileged=(8,), history_frame=4, history=(8,), terrain=(8,), terrain_latent=5

@@ -11,7 +11,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy
 from stiction.evaluation.export import contract_of
 from stiction.joints.compensation import BY_SPEED
-from stiction.learning.config import TrainCfg
+from stiction.learning.config import TrainCfg, config_from
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -35,9 +35,28 @@ def test_iterative_comes_in_equal_steps() -> None:
     assert lows == pytest.approx((0.0, 0.2, 0.4, 0.6, 0.8)) and highs == pytest.approx((0.0, 0.3, 0.6, 0.9, 1.2))
 
 
+def test_any_method_can_begin_without_friction() -> None:
+    """0 to 1.2 from the 40th of 100 iterations on; in two stages half of it from the 40th and all from the 70th."""
+    cfg = FrictionCfg("deception", level=0.2, begin=0.4)
+    assert [(stage.begin, stage.mixture) for stage in cfg.schedule] == [(0, ((1, 0, 0),)), (0.4, ((1, 0, 1.2),))]
+    assert [cfg.stage(iteration, 100) for iteration in (0, 39, 40, 99)] == [0, 0, 1, 1]
+    cfg = FrictionCfg("deception", level=0.2, begin=0.4, stages=2)
+    assert [stage.begin for stage in cfg.schedule] == pytest.approx([0, 0.4, 0.7])
+    assert [stage.range for stage in cfg.schedule] == [(0, 0), (0, 0.6), (0, 1.2)]
+    assert FrictionCfg("iterative", level=0.2, begin=0.0, stages=1).schedule == FrictionCfg("direct", 0.2).schedule
+
+
+def test_an_older_run_has_the_schedule_that_it_had() -> None:
+    """Every run wrote both settings, and those of two methods used them: a `deception` of before had no begin."""
+    for method, expected in (("deception", (None, None)), ("finetune", (0.3, None)), ("iterative", (0.3, 8))):
+        old = {"task": {"friction": {"method": method, "level": 0.2, "pretraining": 0.3, "steps": 8}}}
+        cfg = config_from(old, "config.json").task.friction
+        assert (cfg.begin, cfg.stages) == expected
+
+
 def test_a_new_stage_draws_friction_and_nothing_else() -> None:
     """Robots would become others in the middle of their episodes, or keep the friction of the stage before."""
-    env = LocomotionEnv(TaskCfg(robot="go1", friction=FrictionCfg("iterative", level=0.2, steps=2)), 8, 0)
+    env = LocomotionEnv(TaskCfg(robot="go1", friction=FrictionCfg("iterative", level=0.2, stages=2)), 8, 0)
     before = {name: value.clone() for name, value in vars(env.randomizer.draws).items()}
     assert not env.fleet.friction.any()
     env.enter_stage(1)
@@ -76,7 +95,13 @@ def test_the_task_compensates_as_the_robot_does() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"mixture": ((float("inf"), 0.0, 1.0),)}, {"mixture": ((1.0, 0.0),)}, {"steps": 10**9}, {"pretraining": 1.0}],
+    [
+        {"mixture": ((float("inf"), 0.0, 1.0),)},
+        {"mixture": ((1.0, 0.0),)},
+        {"stages": 10**9},
+        {"begin": 1.0},
+        {"begin": -0.1},
+    ],
 )
 def test_what_cannot_be_drawn_is_refused(changes: dict) -> None:
     """The mistake would show when the stage begins, after hours."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stiction.files.contract import Contract
-from stiction.files.method import FRICTIONLESS, Method, Mixture, Stage
+from stiction.files.method import Method
 from stiction.joints.compensation import BY_SPEED
 
 USUAL = (0.8, 1.2)
@@ -16,20 +16,6 @@ BY_ERROR = "compensation-error"
 def _called(contract: Contract) -> str:
     by_error = contract.compensation is not None and contract.compensation_speeds is None
     return BY_ERROR if by_error else COMPENSATION.name
-
-
-def _at_once(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
-    """Return no friction, then all of it; arguments as of `Method.schedule`."""
-    return Stage(0.0, FRICTIONLESS), Stage(pretraining, final)
-
-
-def _in_steps(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
-    """Return no friction, then more of it in equal steps; arguments as of `Method.schedule`."""
-    rest, stages = 1.0 - pretraining, [Stage(0.0, FRICTIONLESS)]
-    for k in range(steps):
-        part = tuple((w, a * (k + 1) / steps, b * (k + 1) / steps) for w, a, b in final)
-        stages.append(Stage(pretraining + rest * k / steps, part))
-    return tuple(stages)
 
 
 COMPENSATION = Method(
@@ -49,15 +35,14 @@ FINETUNE = Method(
     "finetune",
     "without dry friction at first, then all of it at once, drawn closely around its nominal value",
     USUAL,
-    schedule=_at_once,
-    schedule_options=("pretraining",),
+    begin=0.5,
     names={"finetune": "trained without friction, then with all of it at once"},
 )
 ITERATIVE = Method(
     "iterative",
     "without dry friction at first, then more of it in equal steps, drawn closely around each",
     USUAL,
-    schedule=_in_steps,
-    schedule_options=("pretraining", "steps"),
+    begin=0.5,
+    stages=4,
     names={"iterative": "trained without friction, then with more in steps"},
 )

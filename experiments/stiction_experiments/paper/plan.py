@@ -119,10 +119,8 @@ TRAININGS: tuple[Training, ...] = (
     _coulomb("direct-sharp", "direct", *SHARP),
     _coulomb("none-sharp", "none", *SHARP),
     _coulomb("compensated", "compensation"),
-    _coulomb("fine-tuned", "finetune", "--set", "task.friction.pretraining=0.75", budget=4),
-    _coulomb(
-        "iterative", "iterative", "--set", "task.friction.pretraining=0.6", "--set", "task.friction.steps=5", budget=4
-    ),
+    _coulomb("fine-tuned", "finetune", "--set", "task.friction.begin=0.75", budget=4),
+    _coulomb("iterative", "iterative", "--set", "task.friction.begin=0.6", "--set", "task.friction.stages=5", budget=4),
     _coulomb("narrow", "direct", "--task.friction.range", "0.48", "0.72"),
     _coulomb("mean-kept", "deception", "--task.friction.range", "0", "2"),
     _coulomb("narrow-3", "direct", "--task.friction.range", "0.48", "0.72", budget=3),

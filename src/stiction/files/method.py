@@ -41,9 +41,16 @@ class Stage:
         return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
 
 
-def one_stage(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
-    """Return the schedule with all friction from the first iteration; arguments as of `Method.schedule`."""
-    return (Stage(0.0, final),)
+def stages_of(final: Mixture, begin: float, count: int) -> tuple[Stage, ...]:
+    """Return the schedule that ends with a distribution.
+
+    begin: share of the iterations without friction before; count: equal stages in which friction grows.
+    """
+    first = [Stage(0.0, FRICTIONLESS)] if begin else []
+    for k in range(count):
+        part = tuple((weight, low * (k + 1) / count, high * (k + 1) / count) for weight, low, high in final)
+        first.append(Stage(begin + (1.0 - begin) * k / count, part))
+    return tuple(first)
 
 
 @dataclass(frozen=True)
@@ -55,10 +62,10 @@ class Method:
     """Friction in training, in words."""
     friction_range: tuple[float, float] = (0.0, 0.0)
     """Multiplier of the nominal dry friction in the last stage, unless the configuration has another."""
-    schedule: Callable[[Mixture, float, int], tuple[Stage, ...]] = one_stage
-    """Last distribution of the multiplier, share of the iterations before friction, steps -> stages of friction."""
-    schedule_options: tuple[str, ...] = ()
-    """Arguments that its schedule uses: `pretraining`, `steps`."""
+    begin: float = 0.0
+    """Share of the teacher's iterations before there is friction, unless the configuration has another."""
+    stages: int = 1
+    """Equal stages in which friction grows, likewise."""
     compensation: str | None = None
     """Friction added to the command, as `parse_compensation` reads it; None: none."""
     settings: type[Any] | None = None

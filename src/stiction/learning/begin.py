@@ -89,6 +89,8 @@ def begin_run(
         mirrored_kinds(robot, mirror)
     for note in cfg.method.notes(cfg):
         say(note)
+    if len(robot.feet) == 2 and cfg.task.friction.schedule[0].range[1] > 0:
+        say(BIPED)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
@@ -97,6 +99,12 @@ def begin_run(
     if line := weak_friction(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+BIPED = (
+    "note: a biped that meets friction from the first iteration on may not begin to walk; a G1 did with --set "
+    "task.friction.begin=0.4, and --teacher.iterations 1500 in place of 440"
+)
 
 
 def held_at_rest(cfg: TrainCfg, say: Say) -> TrainCfg:

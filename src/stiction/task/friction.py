@@ -6,14 +6,14 @@ A method is a schedule: stages, each with a distribution of the multiplier of no
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError, if_per_cent, unknown_name
 from stiction.core.flags import FLAG, Form, flag
-from stiction.files.method import Mixture, Stage, find_method, method_names
+from stiction.files.method import Mixture, Stage, find_method, method_names, stages_of
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 
@@ -37,12 +37,6 @@ DRAWN = all_of(
 
 
 STRIBECK = needs("--friction-law stribeck")
-
-
-def _scheduled(name: str) -> dict[str, Any]:
-    """Return the requirement of an argument of schedules."""
-    options = needs("a --method whose schedule has it", lambda cfg: name in find_method(cfg.method).schedule_options)
-    return all_of(DRAWN, options)
 
 
 @dataclass(frozen=True)
@@ -78,10 +72,11 @@ class FrictionCfg:
     mixture: Annotated[Mixture, FLAG] = field(default=(), metadata=SCALED)
     """Mixture of uniform distributions of the multiplier in the last stage: weight, lower, upper end of each. `0.2 0 0
     0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
-    pretraining: float = field(default=0.5, metadata=_scheduled("pretraining"))
-    """Share of the teacher's iterations without friction, for methods that begin so; it counts towards the budget."""
-    steps: int = field(default=4, metadata=_scheduled("steps"))
-    """Number of equal steps in which friction grows, for methods with steps."""
+    begin: float | None = field(default=None, metadata=DRAWN)
+    """Share of the teacher's iterations before there is friction, replacing the method's: 0.4 for a robot that does
+    not learn to walk with it, as a biped. It counts towards the budget."""
+    stages: int | None = field(default=None, metadata=DRAWN)
+    """Number of equal stages in which friction grows from then on, replacing the method's."""
     static_ratio: float | tuple[float, float] = field(default=1.5, metadata=STRIBECK)
     """Static over Coulomb friction, for the law `stribeck`; or lowest and highest, `[1.2,1.8]`, of one drawn for each
     robot, or each joint where multipliers are (`per`)."""
@@ -103,9 +98,10 @@ class FrictionCfg:
         self._check_level()
         self._check_more()
         self._check_distribution()
-        if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
+        begin, count = self._begin_and_stages
+        if not 0 <= begin < 1 or not 1 <= count <= 100:
             raise ConfigurationError(
-                f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
+                f"friction begin {begin}, {count} stages: expected a share in [0, 1) and 1 to 100 stages"
             )
         if not 1e-3 <= self.privileged_unit <= 1.0:
             raise ConfigurationError(
@@ -242,7 +238,14 @@ class FrictionCfg:
     @property
     def schedule(self) -> tuple[Stage, ...]:
         """Stages, from the first iteration on."""
-        return find_method(self.method).schedule(self._final, self.pretraining, self.steps)
+        return stages_of(self._final, *self._begin_and_stages)
+
+    @property
+    def _begin_and_stages(self) -> tuple[float, int]:
+        """Share of the iterations before friction, and the number of stages in which it grows."""
+        method = find_method(self.method)
+        begin = method.begin if self.begin is None else self.begin
+        return begin, method.stages if self.stages is None else self.stages
 
     def stage(self, iteration: int, iterations: int) -> int:
         """Return the number of the stage of iteration `iteration` of `iterations` of the teacher."""
