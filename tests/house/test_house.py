@@ -160,7 +160,7 @@ NAMED = {
     "files/contract_rules.py": "the bounds of that field",
     "files/contract_training.py": "the age of that field, and no such word with a method of the product",
     "files/method.py": "names for which an error says what to install",
-    "learning/config.py": "groups in config.json of runs from before methods were installed",
+    "learning/stored.py": "groups in config.json of runs from before methods were installed",
 }
 """Module of the product with such words -> reason."""
 

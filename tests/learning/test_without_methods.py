@@ -16,9 +16,9 @@ from stiction.files import method as methods
 from stiction.files.bundle import read_bundle
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
-from stiction.learning.config import FORMER_GROUPS
 from stiction.learning.run import RunDirectory, identified_values
 from stiction.learning.runner import train
+from stiction.learning.stored import FORMER_GROUPS
 from stiction.task.friction import FrictionCfg
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")

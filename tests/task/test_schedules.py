@@ -11,7 +11,8 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy
 from stiction.evaluation.export import contract_of
 from stiction.joints.compensation import BY_SPEED
-from stiction.learning.config import TrainCfg, config_from
+from stiction.learning.config import TrainCfg
+from stiction.learning.stored import config_from
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg

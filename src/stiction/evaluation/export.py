@@ -41,10 +41,11 @@ from stiction.files.velocity import COMMANDS
 from stiction.files.wear import WearModel, read_wear
 from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.learning.config import TrainCfg, config_from
+from stiction.learning.config import TrainCfg
 from stiction.learning.identity import settings_of, settings_text
 from stiction.learning.run import RunDirectory, identified_values
 from stiction.learning.runner import load_student
+from stiction.learning.stored import config_from
 from stiction.robots.catalog import find_robot
 from stiction.robots.named import check_named
 from stiction.sim.fleet import Fleet

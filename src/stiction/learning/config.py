@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Annotated, Any, Literal, get_args
 
-from stiction.core.decode import from_plain
 from stiction.core.effects import all_of, excludes, needs
-from stiction.core.errors import ConfigurationError, FileError, unknown_name
+from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FIXED, FLAG, SETTING, flag
 from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
@@ -481,35 +480,3 @@ class TrainCfg:
             f"a rollout of {self.num_envs} robots over {samples // self.num_envs} steps",
             "use fewer --num-envs, fewer steps, or a shorter history",
         )
-
-
-FORMER_GROUPS = ("dreamwaq", "hinf")
-"""Groups of settings in older config.json, by method; without effect in a run of another method."""
-
-
-FORMER_SCHEDULE = {"pretraining": "begin", "steps": "stages"}
-"""Former name of a setting of friction -> its name; each was written for every method, and used by two."""
-
-
-def _renamed(task: Any) -> Any:
-    """Return the settings of a task, perhaps an older version's, by their names."""
-    friction = task.get("friction") if isinstance(task, dict) else None
-    if not isinstance(friction, dict) or not FORMER_SCHEDULE.keys() & friction.keys():
-        return task
-    method = find_method(str(friction.get("method", "deception")))
-    used = {"begin": method.begin > 0, "stages": method.stages > 1}
-    former = {FORMER_SCHEDULE.get(name, name): value for name, value in friction.items()}
-    return task | {"friction": {name: value for name, value in former.items() if used.get(name, True)}}
-
-
-def config_from(data: Any, where: str) -> TrainCfg:
-    """Return the configuration in plain data, perhaps an older version's. Raises `StictionError`; where: its file."""
-    if not isinstance(data, dict):
-        raise FileError(f"{where} is {str(data)[:60]}; expected the fields of TrainCfg")
-    plain = {name: value for name, value in data.items() if name not in (*FORMER_GROUPS, "method_settings")}
-    task = from_plain(TaskCfg, _renamed(plain.get("task", {})), f"{where}: task")
-    name, kind = task.friction.method, find_method(task.friction.method).settings
-    settings = data.get("method_settings", data.get(name) if name in FORMER_GROUPS else None)
-    if settings is not None and kind is not None:
-        settings = from_plain(kind, settings, f"{where}: {name}")
-    return from_plain(TrainCfg, plain | {"task": task, "method_settings": settings}, where)

@@ -27,7 +27,8 @@ from stiction.files.actuator import FILE, actuator_file, read_actuator
 from stiction.files.plain import read_object
 from stiction.files.results import read_metrics
 from stiction.joints.net import ActuatorNet
-from stiction.learning.config import TrainCfg, config_from
+from stiction.learning.config import TrainCfg
+from stiction.learning.stored import config_from
 from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
