@@ -61,7 +61,7 @@ TRAINING = {
     *(f"task/{name}.py" for name in ("env", "events")),
     *(f"learning/{name}.py" for name in ("config", "figures", "health", "identity", "phase", "ppo", "quick", "run")),
     *("learning/ranks.py", "learning/begin.py", "learning/symmetry.py", "deploy/vendor.py"),
-    *("learning/boards.py", "evaluation/reward_meter.py"),
+    *("learning/boards.py", "learning/stored.py", "evaluation/reward_meter.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
     *("core/linear.py", "learning/begin.py", "task/load_law.py"),
     *(*(CHECKING - {"deploy/check.py"}), "deploy/policy.py", "evaluation/golden.py"),

@@ -30,7 +30,7 @@ def test_a_configuration_from_before_a_field_existed_is_the_same(tmp_path: Path)
     at = place(tmp_path)
     write_run(at)
     header = json.loads((at.path / "config.json").read_text())
-    del header["config"]["task"]["friction"]["mixture"], header["config"]["task"]["friction"]["steps"]
+    del header["config"]["task"]["friction"]["mixture"], header["config"]["task"]["friction"]["stages"]
     (at.path / "config.json").write_text(json.dumps(header))
     assert at.state() == "finished"
 
