@@ -46,11 +46,14 @@ def stages_of(final: Mixture, begin: float, count: int) -> tuple[Stage, ...]:
 
     begin: share of the iterations without friction before; count: equal stages in which friction grows.
     """
-    first = [Stage(0.0, FRICTIONLESS)] if begin else []
-    for k in range(count):
-        part = tuple((weight, low * (k + 1) / count, high * (k + 1) / count) for weight, low, high in final)
-        first.append(Stage(begin + (1.0 - begin) * k / count, part))
-    return tuple(first)
+    growing = tuple(
+        Stage(
+            begin + (1.0 - begin) * k / count,
+            tuple((weight, low * (k + 1) / count, high * (k + 1) / count) for weight, low, high in final),
+        )
+        for k in range(count)
+    )
+    return (Stage(0.0, FRICTIONLESS), *growing) if begin else growing
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,12 @@ def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
 
 Say = Callable[[str], None]
 
+BIPED = (
+    "note: a biped that meets friction from the first iteration on may not begin to walk; a G1 did with --set "
+    "task.friction.begin=0.4, and --teacher.iterations 1500 in place of 440"
+)
+"""Line for who trains a biped with friction from the first iteration on."""
+
 
 def begin_run(
     out: Path,
@@ -99,12 +105,6 @@ def begin_run(
     if line := weak_friction(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
-
-
-BIPED = (
-    "note: a biped that meets friction from the first iteration on may not begin to walk; a G1 did with --set "
-    "task.friction.begin=0.4, and --teacher.iterations 1500 in place of 440"
-)
 
 
 def held_at_rest(cfg: TrainCfg, say: Say) -> TrainCfg:

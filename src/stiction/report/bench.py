@@ -72,8 +72,7 @@ class Walk:
     """Digest of the policy's bundle."""
     command: Command
     reached: float | None
-    """Velocity along the command over the commanded one [-]; None for a run that was stopped, that nobody
-    measured, or that is not `counted`."""
+    """Velocity along the command over the commanded one [-]; None if it was stopped, not measured or not `counted`."""
     stop: str
     """Rule that stopped it; empty: it ended as asked."""
     jitter: float | None
