@@ -13,8 +13,9 @@ from stiction_experiments.friction.planned import processor_seconds
 from stiction_experiments.paper import climbs, lives
 from stiction_experiments.paper.plan import GAIT_WALKS, GAITS, PLACES, SECONDS, TRAININGS, VIRTUAL, WORN, Training
 
-ENGINES = {"mujoco": 0.015, "physx": 0.3, "ode-webots": 0.5}
-"""Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once."""
+ENGINES = {"mujoco": 0.0131, "physx": 0.3, "ode-webots": 0.5}
+"""Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once:
+1,021 s for 78,000 s of walks of `none` (results/paper/ledger.csv)."""
 
 FITTING = 60.0
 """Processor time of fitting an Actuator Net [s]."""

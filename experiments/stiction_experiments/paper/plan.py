@@ -112,6 +112,7 @@ TRAININGS: tuple[Training, ...] = (
     _unit("direct-load-5", "load", 0.05),
     _unit("direct-load-44", "load", 0.442),
     _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
+    _coulomb("direct-half-later", "direct", "--robot", "saturn_lite@kp=0.5", "--set", "task.friction.begin=0.4"),
     _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5"),
     _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2"),
     _coulomb("direct-weak", "direct", *WEAK),

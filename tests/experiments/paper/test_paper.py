@@ -153,6 +153,18 @@ def test_a_training_that_stands_is_told_from_one_that_walks() -> None:
     assert judged.outcome.startswith("holds: direct-weak, none-weak walks; not walked: direct, ")
 
 
+def test_a_friction_that_begins_later_is_compared_with_one_from_the_start():
+    """Ratios of 0.02, 0.04, 0.06 from the start, and of 0.78, 0.82, 0.86 where it begins later."""
+    walks = [
+        walk_row(name, "mujoco", "0.2", row("vx=0.5", speed + step * number, 0.0, 0.0, seed=seed))
+        for name, speed, step in (("direct-half", 0.01, 0.01), ("direct-half-later", 0.39, 0.02))
+        for number, seed in enumerate(THREE)
+    ]
+    (judged,) = [each for each in judge(Results(Walks(walks))) if each.number == "20"]
+    assert judged.outcome == "holds"
+    assert "0.82 (0.78 to 0.86, 3 seeds) and 0.04 (0.02 to 0.06, 3 seeds), difference +0.78 [" in judged.evidence
+
+
 def test_places_of_better_overall_count_alike():
     """All of two engines and three of four robots are followed: 5 of 6, at 1 % in an engine for bench on a robot."""
     rows = [
