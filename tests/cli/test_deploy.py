@@ -99,10 +99,11 @@ def test_friction_is_fed_forward_logged_and_reported(tmp_path: Path) -> None:
         ("policy-kill", "policy gone: its ", 1),
         ("sigterm", "operator: SIGTERM", 128 + signal.SIGTERM),
         ("second-robot", "second robot: 2, allowed 1 (127.0.0.1:", 1),
+        ("second-writer", "second writer: 1, allowed ", 1),
     ],
 )
 def test_a_fault_ends_in_one_line_and_its_status(tmp_path: Path, fault: str, message: str, status: int) -> None:
-    """A dead policy, a signal or a second robot ends in damping, one line, and status 1, or 128 and the signal."""
+    """A dead policy, a signal, a second robot or writer: damping, one line, and status 1, or 128 and the signal."""
     out = tmp_path / "run"
     words = ["deploy", POLICY, "--armed", "--json", "--fault", f"{fault}@0.2", "--duration", "20", "--out", str(out)]
     done = subprocess.run(stiction(*words, *PATIENT, *ON_STAND), capture_output=True, text=True, check=False)
@@ -111,8 +112,8 @@ def test_a_fault_ends_in_one_line_and_its_status(tmp_path: Path, fault: str, mes
     assert done.stderr.count("\n") == 1
     report = json.loads(done.stdout)
     assert f"`{report['stop']['rule']}`" in (Path(__file__).parents[2] / "docs/safety.md").read_text()
-    # The robot itself saw the damping frame.
-    assert report["virtual"]["damped"] > report["faults"][fault]
+    # The robot itself saw the damping frame, and no other's.
+    assert report["virtual"]["damped"] > report["stop"]["time"] > report["faults"][fault]
     assert report["stage"] == "stopped" and report["damped_seconds"] >= 0.9
 
 

@@ -54,7 +54,7 @@ OF_MACHINE = {
     **{name: f"{name.upper()} comes" for name in SIGNALS if name.startswith("sig")},
     "supervisor-halt": "the supervisor is halted for 200 ms (SIGSTOP, then SIGCONT)",
     "stop-file": "the stop file appears",
-    "second-writer": "another process sends a command",
+    "second-writer": "another process sends commands",
     "heartbeat": "the second machine falls silent",
     "command-loss": "velocity commands stop coming",
 }
@@ -132,7 +132,7 @@ def _free_address() -> str:
 
 
 class SecondMachine:
-    """Second machine that sends heartbeats, or velocity commands, until it falls silent."""
+    """Second machine that sends heartbeats, velocity commands or joint commands, until it falls silent."""
 
     def __init__(self, address: str, words: bytes) -> None:
         """Start to send messages to HOST:PORT."""
@@ -145,8 +145,9 @@ class SecondMachine:
     def _speak(self) -> None:
         """Send until told to stop."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
-            while not self._silent.wait(MESSAGE_INTERVAL):
+            while not self._silent.is_set():
                 port.sendto(self._words, self._address)
+                self._silent.wait(MESSAGE_INTERVAL)
 
     def fall_silent(self) -> None:
         """Stop sending."""
@@ -213,8 +214,9 @@ class Faults(Injected):
         elif name == "second-writer":
             zero = np.zeros(self._joints)
             # With a number that the supervisor sent long ago: it sees in the next state that the robot acts on a
-            # command not its own.
-            self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
+            # command not its own. One whose own comes within the same period is never acted on; so they keep coming.
+            stiff = command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero + 1.0, zero, zero)))
+            self._elsewhere[name] = SecondMachine("{}:{}".format(*self._robot), stiff)
         elif name in self._elsewhere:
             self._elsewhere[name].fall_silent()
         elif name == "supervisor-halt" and self._halting is not None and self._halting.stdin is not None:

@@ -116,6 +116,7 @@ class RobotProcess:
         """Number of late periods."""
         self._good = np.nan
         self._start = (np.nan, np.zeros(3))
+        self._damped = False
 
     def period(self) -> None:
         """Process the received messages, advance a period, and send the readings."""
@@ -159,7 +160,7 @@ class RobotProcess:
             pass
         elif (message := self._commands.unpack(data)) is not None and np.isfinite(message.values).all():
             command = command_of(self._commands, message)
-            if not command.kp.any() and self._command.kp.any():
+            if not (command.kp.any() or self._damped) and self._command.kp.any():
                 self._report_damped()
             if command.kp.any() and not self._command.kp.any():
                 self._start = (time.monotonic(), self._robot.ground_truth().motion.base_position)
@@ -180,6 +181,7 @@ class RobotProcess:
 
     def _report_damped(self) -> None:
         """Print the time of the first damping frame, and the robot's motion until then."""
+        self._damped = True
         now, motion = time.monotonic(), self._robot.ground_truth().motion
         moved = motion.base_position - self._start[1]
         report = {"damped": now, "last_good": self._good, "slow": self.slow, "moved": moved[:2].tolist()}
