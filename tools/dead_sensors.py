@@ -3,15 +3,16 @@
     python tools/dead_sensors.py --walks 40 --out results/deploy/sensors     # false alarms: 40 walks of each policy
     python tools/dead_sensors.py --faults 4 --out results/deploy/sensors     # faults: 4 of each, of each policy
     python tools/dead_sensors.py --exchanges 2 --out results/deploy/sensors  # joints exchanged: 2 walks of each policy
+    python tools/dead_sensors.py --out results/deploy/sensors                # what the tables come to
 
 Each walk is a run under the supervisor on a clock of its own (`tests/helpers/lockstep.py`): as fast as the machine is,
 with the same numbers on each. A walk's seed is that of its virtual robot, of commands, friction, wear and pushes too:
 every 4 s another command, every 4 to 8 s a push of up to 0.7 m/s along each axis (0.3 of a biped), friction of 0 to
 20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. Joints of the first
 two legs are exchanged in what a walk recorded, each pair once a second. A row a walk in walks.csv and faults.csv, and
-a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md. A
-walk may end by a fall: `true_tilt_ahead` is the tilt [rad] that the simulated robot, without its sensors, is about to
-have after `safety.horizon`.
+a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md. A walk
+may be ended by a rule on tilt, which is right if the robot would have fallen: it walks again without that rule, and
+falls.csv has the largest tilt [rad] of the simulated robot, without its sensors, within 3 s.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ import argparse
 import csv
 import math
 import sys
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -54,6 +54,15 @@ SENSORS = ("velocity and angle", "frozen angle", "attitude and gyroscope", "torq
 TILTS = ("tilt", "predicted tilt")
 """Rules that end a walk by a fall, where the robot itself leans."""
 
+NO_TILT = 10.0
+"""Limit of a rule on tilt that never ends a walk [rad]."""
+
+LATER, LYING = 3.0, 1.4
+"""Time after such an end [s] within which a robot that falls lies, and the tilt of one that lies [rad]."""
+
+SECONDS = 30.0
+"""Length of a walk [s]."""
+
 WITHIN = 0.3
 """Time within which a fault is to be found [s]."""
 
@@ -84,24 +93,34 @@ Record = list[tuple[RobotState, JointCommand]]
 """Each state of a walk, and the command that answered it."""
 
 
-def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Record | None = None) -> dict[str, object]:
+def walk(
+    bundle: Bundle,
+    seed: int,
+    seconds: float,
+    fault: str = "",
+    record: Record | None = None,
+    tilts: list[float] | None = None,
+) -> dict[str, object]:
     """Walk, until something is found; return a row.
 
-    fault: begins once the robot walks, a second before the end; record: takes the walk.
+    fault: begins once the robot walks, a second before the end; record: takes the walk; tilts: takes the true tilts
+    [rad] of a walk that no rule on tilt ends, and which takes `LATER` longer.
     """
     spec, chance = robot_of(bundle.contract), np.random.default_rng(seed)
     biped = len(spec.foot_names) == 2
     level, speed, push = (0.1, 0.5, 0.3) if biped else (0.2, 0.8, 0.7)
     cfg = VirtualCfg(seed=seed, level=f"{level * (seed % 4) / 3:.3f}")
     command = np.array([0.5 * speed, 0.0, 0.0])
-    loop = Lockstep(bundle, replace(SupervisorCfg(), armed=True), cfg, command)
+    safety = SafetyCfg() if tilts is None else SafetyCfg(tilt=NO_TILT, predicted_tilt=NO_TILT)
+    loop = Lockstep(bundle, SupervisorCfg(armed=True, safety=safety), cfg, command)
     if seed % 2 and not fault:
         wear = Wear(start=0.5, end=2.0, seconds=seconds)
         loop.robot._robot = World(partial(make_engine, cfg.engine)).robot(cfg.case, spec, chance, wear)
     loop.begin()
     values, begin, pushed, commanded = Values(loop), loop.now, loop.now + 4.0, loop.now + 4.0
     broken_at = begin + seconds - 1.0 if fault else np.inf
-    while loop.supervisor.stop_record is None and loop.now < begin + seconds:
+    end = begin + seconds + (0.0 if tilts is None else LATER)
+    while loop.supervisor.stop_record is None and loop.now < end:
         if loop.now > commanded and not fault:
             command[:] = chance.uniform(-1, 1, 3) * (speed, 0.4 * speed, 0.6) * (chance.random() > 0.15)
             loop.supervisor.command_velocity(command, loop.now)
@@ -116,8 +135,9 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
         values.look()
         if record is not None and loop.newest is not None and loop.supervisor._safety._command is not None:
             record.append((loop.newest, loop.supervisor._safety._command))
-    stop, truth = loop.supervisor.stop_record, loop.robot._robot.ground_truth().motion
-    ahead = tilt(truth.base_quaternion, truth.base_angular_velocity, SafetyCfg().horizon)[1]
+        if tilts is not None:
+            tilts.append(tilt(loop.robot._robot.ground_truth().motion.base_quaternion, np.zeros(3), 0.0)[0])
+    stop = loop.supervisor.stop_record
     loop.close()
     assert stop is not None or loop.supervisor.stage is Stage.RUN
     row: dict[str, object] = {"robot": bundle.contract.robot, "seed": seed, "seconds": round(loop.now - begin, 2)}
@@ -125,9 +145,16 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
     if fault:
         late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"
         return {"fault": fault} | row | {"found_ms": late}
-    return (
-        row | {"true_tilt_ahead": round(ahead, 3)} | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
-    )
+    return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+
+
+def fall(bundle: Bundle, row: dict[str, str]) -> dict[str, object]:
+    """Walk again a walk that a rule on tilt ended, without that rule; return how far it leaned then."""
+    tilts: list[float] = []
+    walk(bundle, int(row["seed"]), SECONDS, tilts=tilts)
+    ended, later = (round(second / PERIOD) for second in (float(row["seconds"]), LATER))
+    same = {name: row[name] for name in ("robot", "seed", "seconds", "rule")}
+    return same | {"largest_tilt": round(max(tilts[ended : ended + later]), 3)}
 
 
 def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
@@ -148,9 +175,9 @@ def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
 
 
 def exchanges(bundle: Bundle, seed: int) -> list[dict[str, object]]:
-    """Walk for 30 s and exchange each joint of the first leg with the second leg's; return a row a joint."""
+    """Walk and exchange each joint of the first leg with the second leg's; return a row a joint."""
     record = Record()
-    row, second = walk(bundle, seed, 30.0, record=record), round(1.0 / PERIOD)
+    row, second = walk(bundle, seed, SECONDS, record=record), round(1.0 / PERIOD)
     # A walk may end by a fall, which is found as such.
     begins = range(second, len(record) - (2 if row["rule"] else 1) * second, second)
     names = bundle.contract.joint_names[: len(record[0][0].joint_torque) // len(record[0][0].foot_contact)]
@@ -170,6 +197,16 @@ def kept(file: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(file.read_text(encoding="utf-8").splitlines())) if file.exists() else []
 
 
+def add(file: Path, rows: list[dict[str, object]]) -> None:
+    """Add rows to a table."""
+    begun = file.exists()
+    with file.open("a", newline="", encoding="utf-8") as out:
+        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+        if not begun:
+            writer.writeheader()
+        writer.writerows(rows)
+
+
 def main() -> None:
     """Make the walks that are missing, and print what they came to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -180,35 +217,42 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/deploy/sensors"), help="folder of the tables")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    bundles = read_policies()
-    seeds = range(args.seed, args.seed + max(args.walks, args.faults, args.exchanges))
-    wanted = [("walks", "", seed, bundle) for seed in seeds[: args.walks] for bundle in bundles]
-    wanted += [
-        ("faults", fault, seed, bundle) for seed in seeds[: args.faults] for fault in FAULTS for bundle in bundles
+    bundles = {bundle.contract.robot: bundle for bundle in read_policies()}
+    begins = {"walks": args.walks, "faults": args.faults, "exchanges": args.exchanges}
+    wanted = [
+        (table, fault, seed, robot)
+        for table, count in begins.items()
+        for seed in range(args.seed, args.seed + count)
+        for fault in (FAULTS if table == "faults" else ("",))
+        for robot in bundles
     ]
-    wanted += [("exchanges", "", seed, bundle) for seed in seeds[: args.exchanges] for bundle in bundles]
-    for table, fault, seed, bundle in wanted:
-        file = args.out / f"{table}.csv"
-        before = kept(file)
-        same = {"robot": bundle.contract.robot, "seed": str(seed)} | ({"fault": fault} if fault else {})
-        if any(same.items() <= row.items() for row in before):
+    for table, fault, seed, robot in wanted:
+        same = {"robot": robot, "seed": str(seed)} | ({"fault": fault} if fault else {})
+        if any(same.items() <= row.items() for row in kept(args.out / f"{table}.csv")):
             continue
-        exchange = table == "exchanges"
-        rows = exchanges(bundle, seed) if exchange else [walk(bundle, seed, 2.5 if fault else 30.0, fault)]
-        with file.open("a", newline="", encoding="utf-8") as out:
-            writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-            if not before:
-                writer.writeheader()
-            writer.writerows(rows)
-    walks = kept(args.out / "walks.csv")
+        if table == "exchanges":
+            rows = exchanges(bundles[robot], seed)
+        else:
+            rows = [walk(bundles[robot], seed, 2.5 if fault else SECONDS, fault)]
+        add(args.out / f"{table}.csv", rows)
+    walks, falls = kept(args.out / "walks.csv"), args.out / "falls.csv"
+    known = {(row["robot"], row["seed"]) for row in kept(falls)}
+    for row in walks:
+        if row["rule"] in TILTS and (row["robot"], row["seed"]) not in known:
+            add(falls, [fall(bundles[row["robot"]], row)])
+    report(args.out)
+
+
+def report(folder: Path) -> None:
+    """Print what the tables of a folder come to."""
+    walks = kept(folder / "walks.csv")
     hours = sum(float(row["seconds"]) for row in walks) / 3600
-    limit = 0.95 * SafetyCfg().predicted_tilt
-    falls = [row for row in walks if row["rule"] in TILTS and float(row["true_tilt_ahead"]) > limit]
-    alarms = sum(bool(row["rule"]) for row in walks) - len(falls)
+    falls = sum(float(row["largest_tilt"]) >= LYING for row in kept(folder / "falls.csv"))
+    alarms = sum(bool(row["rule"]) for row in walks) - falls
     largest = {name: max(float(row[name]) for row in walks) for name in SENSORS} if walks else {}
-    print(f"{len(walks)} walks, {hours:.2f} robot-hours, {len(falls)} falls, {alarms} false alarms; largest: {largest}")
+    print(f"{len(walks)} walks, {hours:.2f} robot-hours, {falls} falls, {alarms} false alarms; largest: {largest}")
     for fault in FAULTS:
-        own = [row for row in kept(args.out / "faults.csv") if row["fault"] == fault and row["found_ms"] != "before"]
+        own = [row for row in kept(folder / "faults.csv") if row["fault"] == fault and row["found_ms"] != "before"]
         times = [float(row["found_ms"] or "inf") for row in own]
         if times:
             within = sum(time <= 1e3 * WITHIN for time in times)
