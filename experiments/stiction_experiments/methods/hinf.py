@@ -155,7 +155,7 @@ def _notes(cfg: TrainCfg) -> Iterator[str]:
         yield f"--set hinf.curriculum={settings.curriculum:g} is one iteration at most: the limit is there at once"
     half = not settings.by_torque and settings.share == settings.most
     if settings.disturbs and half and not settings.curriculum:
-        # Two trainings each, see results/methods.
+        # Two trainings each, results/methods at revision 8d1420b5.
         measured = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
         yield f"hinf pushes with half of the weight from the first iteration on: {measured}"
 
