@@ -22,7 +22,7 @@ from stiction.identification.contradictions import SERIOUS, find_contradictions
 from stiction.identification.held_out import prediction_text
 from stiction.identification.intervals import FEWEST_BLOCKS
 from stiction.identification.prepare import make_rows, prepare
-from stiction.identification.record import JointFits, predicted_badly
+from stiction.identification.record import JointFits, all_admitting, predicted_badly
 from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
 from stiction.identification.runs import Run
 
@@ -32,6 +32,10 @@ results/identification leave with right flags. Beyond it the missing part is as 
 
 NEGATIVE_FRICTION = "negative_friction"
 """Reason of a finding on friction below zero: no law is then called the chosen one."""
+
+LARGEST_FALL = 0.1
+"""Largest share of dry friction by which friction may fall up to the log's largest speed. Dry friction that is less at
+speed than near rest, as Stribeck's, looks like viscous friction below zero; a fall beyond this share is no joint's."""
 
 EXCITE = "`stiction excite` designs the motion"
 """Source of a better log."""
@@ -147,8 +151,11 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
     """Yield an error for friction below zero, the plainest, where no other law is in its place."""
     if fits.chosen is not fits.base:
         return
+    stated = all_admitting(fits, fits.symmetric())
     for name in ("coulomb_friction", "viscous_friction"):
-        friction = fits.symmetric()[name]
+        friction = stated[name]
+        if name == VISCOUS and fall_share(friction, stated["coulomb_friction"], fits.rows.velocity) <= LARGEST_FALL:
+            return
         if fits.braking is not None:
             # The interval admits what is not known of a motor's brake.
             friction = fits.braking.widened(name, friction)
@@ -167,6 +174,15 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
         if errors := list(below_zero(name, friction, "this log", cause)):
             yield from errors
             return
+
+
+def fall_share(viscous: Estimate, dry: Estimate, velocity: np.ndarray) -> float:
+    """Return the largest share of dry friction by which friction falls up to the largest of some speeds [1].
+
+    Infinite where dry friction is not told from zero.
+    """
+    fall = max(0.0, -viscous.interval95[0]) * float(np.abs(velocity).max())
+    return fall / dry.value if dry.interval95[0] > 0 else np.inf
 
 
 def _rest(record: JointRecord) -> Iterator[Finding]:
@@ -322,6 +338,12 @@ def _fit(record: JointRecord) -> Iterator[Finding]:
             yield warning(
                 f"{name}_reaches_zero",
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer",
+            )
+        elif estimate is not None and estimate.interval95[1] < 0:
+            low, high = estimate.interval95
+            yield warning(
+                f"{name}_below_zero",
+                f"{name} comes out below zero ({low:.4g} to {high:.4g}): dry friction is a little less at speed",
             )
     follows = record.diagnostics["position_torque"]
     if (worst := follows_position(follows, LARGEST_CHANGE)) and not follows_position(follows, SERIOUS):
