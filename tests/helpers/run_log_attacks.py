@@ -402,6 +402,7 @@ def _made_of_header(names: list[str]) -> Iterator[tuple[str, Change, str]]:
     odd: dict[str, list[Any]] = {
         "period": [0, -1, "x", None, True, 1e308, 10**400],
         "kp": ["x", [], [20.0], ["x"] * JOINTS, [-1.0] * JOINTS, [10**400] * JOINTS],
+        "walking_kp": ["x", [], [20.0], ["x"] * JOINTS, [0.0] * JOINTS, [10**400] * JOINTS],
         "torque_limit": [[0.0] * JOINTS, [-1.0] * JOINTS],
         "joint_names": ["x", [], [1] * JOINTS, [""] * JOINTS],
         "foot_names": ["x", [1]],

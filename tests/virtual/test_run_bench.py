@@ -78,6 +78,7 @@ def played(tmp_path: Path) -> RunLog:
         policy="",
         digest="",
         armed=True,
+        walking_kp=CONTRACT.kp,
         **per_joint,
     )
     return RunLog(header, readings | {"time": readings["robot_time"]}, {})
@@ -97,6 +98,11 @@ def test_the_runtimes_log_tells_the_robots_own_friction(tmp_path: Path) -> None:
     # A motor's own torque tells f/k.
     assert friction.interval95[0] <= own / hidden.motors.strength[number] <= friction.interval95[1]
     assert friction.value == pytest.approx(own / hidden.motors.strength[number], rel=0.06)
+    # Played at a kp of 15, it is judged by that with which the robot walks, and as a robot of its name.
+    holding, walking = record.holding_friction or friction, CONTRACT.kp[number]
+    assert record.kp == 15.0 and record.dead_band is not None
+    assert record.dead_band.value == pytest.approx(holding.value / walking)
+    assert log.robot == "saturn_lite" and record.used_kp == walking
 
 
 def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:

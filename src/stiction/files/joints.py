@@ -186,6 +186,11 @@ class JointRecord:
     """Findings: errors first, the plainest at the head, then warnings and notes."""
 
     @property
+    def used_kp(self) -> float | None:
+        """Proportional gain with which the robot walks [N m/rad], that of the test where no other is known."""
+        return self.diagnostics.get("walking_kp") or self.kp
+
+    @property
     def objections(self) -> tuple[Finding, ...]:
         """Errors that make the fit invalid; with any, neither training nor simulation uses its friction."""
         return tuple(finding for finding in self.findings if finding.severity == "error")

@@ -58,6 +58,8 @@ class LogSetup:
     """Proportional gain of the joint controller [N m/rad]."""
     kd: float | None = None
     """Derivative gain [N m s/rad]."""
+    walking_kp: float | None = None
+    """Proportional gain with which the robot walks [N m/rad], where the log was made with another."""
     torque_limit: float | None = None
     """Torque limit of the motor [N m]."""
     torque_source: TorqueSource | None = None
@@ -287,6 +289,8 @@ class Log:
     there."""
     body: BodySignals | None = None
     """Measurements of the body; None unless requested."""
+    robot: str | None = None
+    """Name of the robot, where the log has it."""
 
     def __repr__(self) -> str:
         """Return its length, the signals of each joint, the settings of the motors, and the notes; a line each."""

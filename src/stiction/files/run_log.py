@@ -16,7 +16,7 @@ import hashlib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -70,9 +70,14 @@ class RunLogHeader(WalkHeader):
     """Place of the torque measurement, as in every log: `motor_side` for currents."""
     run: str = ""
     """Unique name of the run, repeated in each part; empty in older logs."""
+    walking_kp: tuple[float, ...] | None = None
+    """Proportional gains of the bundle [N m/rad], also where a motion was played with others; None in older logs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        gains, count = self.walking_kp, len(self.joint_names)
+        if gains is not None and not (len(gains) == count and all(is_number(gain) and gain > 0 for gain in gains)):
+            raise LogError(f"walking_kp: expected a number above 0 for each of {count} joints, or null")
         right = is_number(self.control_period) and self.control_period > 0
         right = right and isinstance(self.armed, bool) and all(isinstance(t, str) for t in (self.digest, self.run))
         if not right:
@@ -310,10 +315,12 @@ def joint_log(source: str, log: RunLog) -> Log:
     notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
     motors = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
     joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in motors}
+    for name, kp in zip(header.joint_names, header.walking_kp or (), strict=False):
+        joints[name] = replace(joints[name], walking_kp=kp)
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
     # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]
-    return Log(source, time - time[0], signals, setup, notes, float(time[0]))
+    return Log(source, time - time[0], signals, setup, notes, float(time[0]), robot=header.robot)
 
 
 def walk_log(log: RunLog) -> WalkLog:

@@ -33,7 +33,7 @@ results/identification leave with right flags. Beyond it the missing part is as 
 NEGATIVE_FRICTION = "negative_friction"
 """Reason of a finding on friction below zero: no law is then called the chosen one."""
 
-LARGEST_FALL = 0.1
+LARGEST_FALL = 0.25
 """Largest share of dry friction by which friction may fall up to the log's largest speed. Dry friction that is less at
 speed than near rest, as Stribeck's, looks like viscous friction below zero; a fall beyond this share is no joint's."""
 

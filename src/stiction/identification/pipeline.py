@@ -164,7 +164,7 @@ def _identify(
     if any(finding.reason == NEGATIVE_FRICTION for finding in record.objections):
         none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
         record = replace(record, friction_law=(record.friction_law or {}) | none)
-    verdict = judge(record, legs=is_leg(run.joint)).to_dict()
+    verdict = judge(record, legs=is_leg(run.joint), robot=log.robot).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
     findings = (*record.findings, *find_warnings(record, run))
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":

@@ -285,9 +285,9 @@ def make_record(fits: JointFits) -> JointRecord:
     if setup.torque_limit is not None and limited is not None:
         dynamic_ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
         ratio = held.scaled(friction_ratio(1.0, setup.torque_limit)) if held else dynamic_ratio
-    gains_fit = setup.kp is not None and setup.calibrated
+    gain = setup.used_kp if setup.calibrated else None
     holding = static if static and static.value > level.value else level
-    band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
+    band = holding.scaled(dead_band(1.0, gain)) if gain else None
     if not fits.by_simulation and not inertia_known(base):
         parameters["inertia"] = None
     known: dict[str, Any] = parameters | law_fields | loop_unknowns(base, fits.loop, setup.hanging_angle)
@@ -418,6 +418,7 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
     )
     return {
         "method": fits.method,
+        "walking_kp": run.setup.walking_kp,
         "seen": base.estimates(),
         "strength": {
             "source": strength.source,

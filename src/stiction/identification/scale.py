@@ -59,7 +59,7 @@ def thresholds(record: JointRecord, robot: str | None, axis: str, evidence: Onse
     evidence: by default the shipped one.
     """
     evidence = evidence or shipped_onsets()
-    gains = np.array([[record.torque_limit or math.nan, record.kp or math.nan]])
+    gains = np.array([[record.torque_limit or math.nan, record.used_kp or math.nan]])
     near = nearest(robot, gains, evidence)
     walked = (near.condition,) if near.same else (*evidence.conditions, *evidence.others)
     noticed, onset = (

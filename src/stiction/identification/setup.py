@@ -214,6 +214,9 @@ class IdentifySetup:
     position_scale: float | None = None
     """rad (or m) per unit of position, target and velocity; 1 if not given. 0.0174533 for degrees, one over the gear
     ratio for the angle of a motor."""
+    walking_kp: Annotated[float | None, SETTING] = None
+    """Proportional gain with which the robot walks [N m/rad], where the log was made with another: the dead band, and
+    whether friction matters, are of this one; kp if not given."""
     velocity_delay: Annotated[float | None, SETTING] = None
     """Delay of the velocity that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter; 0 if not given. It affects output error only."""
@@ -261,6 +264,11 @@ class IdentifySetup:
         return replace(bare, payload_mass=None, payload_distance=None, payload_angle=None)
 
     @property
+    def used_kp(self) -> float | None:
+        """Proportional gain with which the robot walks [N m/rad], that of the log where no other is given."""
+        return self.walking_kp or self.kp
+
+    @property
     def drive(self) -> Drive:
         """Content of the torque column."""
         column = self.torque_column or ("torque" if self.duty_voltage is None else "duty")
@@ -296,7 +304,7 @@ class IdentifySetup:
 
     def check(self) -> None:
         """Raise `StictionError` for impossible numbers, and for torque from which friction cannot be found."""
-        positive = ("kp", "torque_limit", "motor_strength", *PAYLOAD[:2], *PENDULUM[:2])
+        positive = ("kp", "walking_kp", "torque_limit", "motor_strength", *PAYLOAD[:2], *PENDULUM[:2])
         for name in (*positive, "kd", "delay", "velocity_delay"):
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):

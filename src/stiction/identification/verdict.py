@@ -309,7 +309,8 @@ def _ignored(record: JointRecord) -> str:
     span = _span(record.dead_band, 1, " rad" if record.axis == "rotary" else " m")
     if record.axis == "rotary":
         span += f", {math.degrees(record.dead_band.value if low > 0 else max(high, 0.0)):.4g}°"
-    return f"The joint ignores position errors up to f/kp, {span}, at the gains of the log."
+    gain = "at the gains of the log" if record.used_kp == record.kp else f"where it walks at kp {record.used_kp:.4g}"
+    return f"The joint ignores position errors up to f/kp, {span}, {gain}."
 
 
 def _matters(record: JointRecord, robot: str | None, scale: Scale | None) -> tuple[str, str]:
@@ -408,7 +409,7 @@ def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice
         if record.test_condition != "loaded":
             by += f", the upper end times {MARGIN:g}, a margin chosen, not measured"
         details += [f"A training has to cover {_share(advice.asked)}{by}.", advice.comparison]
-        details += [other_ways(record.torque_limit, record.kp)]
+        details += [other_ways(record.torque_limit, record.used_kp)]
     return tuple(details)
 
 

@@ -263,6 +263,7 @@ def logging_process(
         digest=bundle.digest if source is None else "",
         armed=cfg.supervisor.armed,
         run=secrets.token_hex(8),
+        walking_kp=contract.kp,
     )
     write_run_header(log, header)
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)

@@ -117,13 +117,13 @@ def joint_record(fits: LimbFits, joint: JointRows) -> JointRecord:
             diagnostics["drive"] = brake_summary(brakes, combinations, strength)
     if armature is not None:
         combinations = combinations | {ARMATURE: armature}
-    limit = setup.torque_limit or mechanism.torque_limit[joint.number]
+    limit, gain = setup.torque_limit or mechanism.torque_limit[joint.number], setup.used_kp
     record = JointRecord(
         viscous_friction=known["viscous_friction"],
         coulomb_friction=coulomb,
         offset=known["offset"],
         friction_ratio=coulomb.scaled(friction_ratio(1.0, limit)) if coulomb is not None and limit else None,
-        dead_band=coulomb.scaled(dead_band(1.0, setup.kp)) if coulomb is not None and setup.kp else None,
+        dead_band=coulomb.scaled(dead_band(1.0, gain)) if coulomb is not None and gain else None,
         combinations=combinations,
         test_condition=setup.test_condition or "in_air",
         torque_source=(setup.torque_source or "motor_side") if run.measured else None,
@@ -170,6 +170,7 @@ def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]
     return {
         "method": METHOD,
         "robot": mechanism.name,
+        "walking_kp": run.setup.walking_kp,
         "strength": {"source": "measured" if run.measured else "declared", "missing": None},
         "samples": len(run.signals.time),
         "samples_used": len(residual),
