@@ -103,8 +103,9 @@ RULES: dict[str, Rule] = {
     "frozen IMU": Rule(0.1, "s", "is the robot still read? A simulated IMU needs noise"),
     # The gyroscope alone, beside an orientation that goes on: noise moves one of three axes within ten slow readings.
     "frozen gyroscope": Rule(0.1, "s", "is the gyroscope still read? A simulated one needs noise"),
-    # While commanded to walk, two cycles of a gait; at rest coarse encoders may well not move.
-    "frozen joint": Rule(1.0, "s", "is this joint still read, or is it stuck?"),
+    # While commanded to walk; at rest coarse encoders may well not move. Friction of 40 % of the torque limit held a
+    # joint of a walking robot for up to 1.9 s.
+    "frozen joint": Rule(3.0, "s", "is this joint still read, or is it stuck?"),
     # A robot's clock that runs at another rate, beside this machine's: within 0.2 s, but for the largest step.
     "clock rate": Rule(0.08, "s", "is the robot's time in seconds? Is its computer, or a simulated robot, too slow?"),
     # A loop at another rate has another history: factor of the contract's period, mean over ten steps.
