@@ -54,11 +54,14 @@ SENSORS = ("velocity and angle", "frozen angle", "attitude and gyroscope", "torq
 TILTS = ("tilt", "predicted tilt")
 """Rules that end a walk by a fall, where the robot itself leans."""
 
-NO_TILT = 10.0
-"""Limit of a rule on tilt that never ends a walk [rad]."""
+NEVER = 10.0
+"""Limit of a rule on tilt with which it ends no walk [rad]."""
 
-LATER, LYING = 3.0, 1.4
-"""Time after such an end [s] within which a robot that falls lies, and the tilt of one that lies [rad]."""
+LATER = 3.0
+"""Time within which a robot that falls lies [s]."""
+
+LYING = 1.4
+"""Least tilt of a robot that lies [rad]."""
 
 SECONDS = 30.0
 """Length of a walk [s]."""
@@ -111,7 +114,7 @@ def walk(
     level, speed, push = (0.1, 0.5, 0.3) if biped else (0.2, 0.8, 0.7)
     cfg = VirtualCfg(seed=seed, level=f"{level * (seed % 4) / 3:.3f}")
     command = np.array([0.5 * speed, 0.0, 0.0])
-    safety = SafetyCfg() if tilts is None else SafetyCfg(tilt=NO_TILT, predicted_tilt=NO_TILT)
+    safety = SafetyCfg() if tilts is None else SafetyCfg(tilt=NEVER, predicted_tilt=NEVER)
     loop = Lockstep(bundle, SupervisorCfg(armed=True, safety=safety), cfg, command)
     if seed % 2 and not fault:
         wear = Wear(start=0.5, end=2.0, seconds=seconds)
@@ -148,13 +151,20 @@ def walk(
     return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
 
 
-def fall(bundle: Bundle, row: dict[str, str]) -> dict[str, object]:
-    """Walk again a walk that a rule on tilt ended, without that rule; return how far it leaned then."""
+def lean_on(bundle: Bundle, row: dict[str, str]) -> dict[str, object]:
+    """Walk again a walk that a rule on tilt ended, without that rule; return how far it leaned then.
+
+    Raises `SystemExit` where the policy no longer walks as the row says.
+    """
+    seed, same = int(row["seed"]), {name: row[name] for name in ("robot", "seed", "seconds", "rule")}
+    again = walk(bundle, seed, SECONDS)
+    if {name: str(again[name]) for name in same} != same:
+        raise SystemExit(f"{row['robot']}, seed {seed}: today's policy does not walk as the row; remove the row")
     tilts: list[float] = []
-    walk(bundle, int(row["seed"]), SECONDS, tilts=tilts)
-    ended, later = (round(second / PERIOD) for second in (float(row["seconds"]), LATER))
-    same = {name: row[name] for name in ("robot", "seed", "seconds", "rule")}
-    return same | {"largest_tilt": round(max(tilts[ended : ended + later]), 3)}
+    walk(bundle, seed, SECONDS, tilts=tilts)
+    # Another rule may end it while it falls.
+    begin = min(round(float(row["seconds"]) / PERIOD), len(tilts) - 1)
+    return dict(same) | {"largest_tilt": round(max(tilts[begin : begin + round(LATER / PERIOD)]), 3)}
 
 
 def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
@@ -239,7 +249,7 @@ def main() -> None:
     known = {(row["robot"], row["seed"]) for row in kept(falls)}
     for row in walks:
         if row["rule"] in TILTS and (row["robot"], row["seed"]) not in known:
-            add(falls, [fall(bundles[row["robot"]], row)])
+            add(falls, [lean_on(bundles[row["robot"]], row)])
     report(args.out)
 
 

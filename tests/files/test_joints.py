@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,15 @@ def test_the_file_has_the_names_of_the_contract(tmp_path: Path) -> None:
     names |= {"objections", "dynamic_ratio"}
     assert set(shank) == names
     assert shank["dead_band"] is None
+    walking = replace(RECORD, kp=6.0, walking_kp=40.0)
+    assert set(walking.to_dict()) == names | {"walking_kp"}
+    assert (
+        JointRecord.from_dict(walking.to_dict(), "x").used_kp == 40.0
+        and replace(walking, walking_kp=None).used_kp == 6.0
+    )
+    for wrong in (-1.0, "x", [1.0]):
+        with pytest.raises(FileError, match="walking_kp"):
+            JointRecord.from_dict(walking.to_dict() | {"walking_kp": wrong}, "x")
 
 
 def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> None:

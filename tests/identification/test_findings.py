@@ -25,7 +25,7 @@ from stiction.files.joints import (
 from stiction.files.known_friction import bench_friction
 from stiction.files.log import Log, write_log
 from stiction.identification.example import LEG, SATURN_LITE, Excitation, example_log
-from stiction.identification.findings import below_zero, fall_share, follows_position, no_friction_shown, unexplained
+from stiction.identification.findings import below_zero, drop_share, follows_position, no_friction_shown, unexplained
 from stiction.identification.pipeline import identify_joint
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.verdict import propose
@@ -135,10 +135,10 @@ def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
     ("viscous", "dry", "share"),
     [((-0.02, -0.005), (0.9, 1.1), 0.08), ((0.01, 0.03), (0.9, 1.1), 0.0), ((-0.02, -0.005), (-0.1, 2.1), np.inf)],
 )
-def test_friction_that_falls_with_speed_is_a_share_of_the_dry_one(viscous, dry, share: float) -> None:
+def test_friction_that_drops_with_speed_is_a_share_of_the_dry_one(viscous, dry, share: float) -> None:
     """−0.02 N m s/rad at 4 rad/s takes 0.08 N m off 1 N m; viscous friction above zero takes none."""
     slope, level = (Estimate(sum(ends) / 2, 0.01, ends) for ends in (viscous, dry))
-    assert fall_share(slope, level, np.array([-4.0, 1.0])) == pytest.approx(share)
+    assert drop_share(slope, level, np.array([-4.0, 1.0])) == pytest.approx(share)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -137,8 +137,8 @@ def test_a_robot_that_walked_with_these_gains_is_judged_by_itself_and_others_by_
     assert "(Go1, 2 seeds) lost a tenth of some command's speed from f/τ_max 5 % on, and a fifth from 10 %." in own
     # A log at another gain than that of the walk is judged by that of the walk.
     test = replace(thigh, kp=6.0, dead_band=Estimate(0.05, 0.001, (0.048, 0.052)))
-    need = judge(replace(test, diagnostics={"walking_kp": joint.kp}), SOURCES, robot="go1")
-    assert need.lines[1] == own and f"where it walks at kp {joint.kp:g}" in need.text
+    need = judge(replace(test, walking_kp=joint.kp), SOURCES, robot="go1")
+    assert need.lines[1] == own and f"where the robot walks with a kp of {joint.kp:g} N m/rad" in need.text
     assert "at the gains of the log" in judge(test, SOURCES, robot="go1").text
     # The middle of 10, 10, 14 and 30 % is 12.
     for record, robot, why in (

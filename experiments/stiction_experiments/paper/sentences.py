@@ -268,12 +268,7 @@ SENTENCES: tuple[Sentence, ...] = (
     Sentence(
         *("20", "because of local optima", "T"),
         "at half the gain, best reach at 20 % where that friction begins at 40 % of the training, over from the start",
-        lambda r: [
-            _two(
-                "kp × 0.5",
-                (r.at(of.best_reach, f"direct-half{begin}", "mujoco", "0.2", *WAYS) for begin in ("-later", "")),
-            )
-        ],
+        lambda r: [_compare(r, of.best_reach, "direct-half-later", "direct-half", "mujoco", "0.2", *WAYS)],
     ),
     Sentence(
         *("21", "the iterative way jitters on the robot", "R"),

@@ -180,6 +180,8 @@ class JointRecord:
     """Derivative gain during the test [N m s/rad]."""
     torque_limit: float | None = None
     """Torque limit of the motor [N m]."""
+    walking_kp: float | None = None
+    """Proportional gain with which the robot walks [N m/rad], where it is not that of the test."""
     diagnostics: dict[str, Any] = field(default_factory=dict)
     """Plain data about the fit: conditioning, residuals, result of the other estimator, and so on."""
     findings: tuple[Finding, ...] = ()
@@ -188,7 +190,7 @@ class JointRecord:
     @property
     def used_kp(self) -> float | None:
         """Proportional gain with which the robot walks [N m/rad], that of the test where no other is known."""
-        return self.diagnostics.get("walking_kp") or self.kp
+        return self.walking_kp or self.kp
 
     @property
     def objections(self) -> tuple[Finding, ...]:
@@ -264,6 +266,9 @@ class JointRecord:
         data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
         data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
         del data["findings"]
+        # Only where it says something: programs from before it read the other files as they did.
+        if self.walking_kp is None:
+            del data["walking_kp"]
         objections = [
             {"reason": finding.reason, "seen": finding.seen, "remedy": finding.remedy} for finding in self.objections
         ]
@@ -285,7 +290,7 @@ class JointRecord:
         for name, estimate in estimates.items():
             if estimate is not None:
                 estimate.check(f"{where}: {name}")
-        for name in ("kp", "kd", "torque_limit"):
+        for name in ("kp", "kd", "torque_limit", "walking_kp"):
             if (value := getattr(record, name)) is not None and value < 0:
                 raise FileError(f"{where}: {name} is {value!r}; expected a number that is not negative, or null")
         ratio, moving, holding = record.friction_ratio, record.moving_friction, record.holding_friction

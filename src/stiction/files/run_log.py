@@ -16,7 +16,7 @@ import hashlib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -313,10 +313,9 @@ def joint_log(source: str, log: RunLog) -> Log:
     if not signals:
         raise LogError(f"{source}: no target moved in this run; play a motion: deploy --excitation trajectory.csv")
     notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
-    motors = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
-    joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in motors}
-    for name, kp in zip(header.joint_names, header.walking_kp or (), strict=False):
-        joints[name] = replace(joints[name], walking_kp=kp)
+    gains = header.walking_kp or (None,) * len(header.kp)
+    motors = zip(header.joint_names, header.kp, header.kd, gains, header.torque_limit, strict=True)
+    joints = {name: LogSetup(kp, kd, walking, limit) for name, kp, kd, walking, limit in motors}
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
     # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]

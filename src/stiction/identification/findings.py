@@ -33,9 +33,10 @@ results/identification leave with right flags. Beyond it the missing part is as 
 NEGATIVE_FRICTION = "negative_friction"
 """Reason of a finding on friction below zero: no law is then called the chosen one."""
 
-LARGEST_FALL = 0.25
-"""Largest share of dry friction by which friction may fall up to the log's largest speed. Dry friction that is less at
-speed than near rest, as Stribeck's, looks like viscous friction below zero; a fall beyond this share is no joint's."""
+LARGEST_DROP = 0.25
+"""Largest share of dry friction by which friction may drop up to the log's largest speed: a choice. Dry friction that
+is less at speed than near rest, as Stribeck's, looks like viscous friction below zero; so does a wrong torque, and
+beyond this share it is taken for one."""
 
 EXCITE = "`stiction excite` designs the motion"
 """Source of a better log."""
@@ -154,7 +155,8 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
     stated = all_admitting(fits, fits.symmetric())
     for name in ("coulomb_friction", "viscous_friction"):
         friction = stated[name]
-        if name == VISCOUS and fall_share(friction, stated["coulomb_friction"], fits.rows.velocity) <= LARGEST_FALL:
+        drop = drop_share(friction, stated["coulomb_friction"], fits.rows.velocity)
+        if name == VISCOUS and fits.run.measured and fits.braking is None and drop <= LARGEST_DROP:
             return
         if fits.braking is not None:
             # The interval admits what is not known of a motor's brake.
@@ -176,13 +178,13 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
             return
 
 
-def fall_share(viscous: Estimate, dry: Estimate, velocity: np.ndarray) -> float:
-    """Return the largest share of dry friction by which friction falls up to the largest of some speeds [1].
+def drop_share(viscous: Estimate, dry: Estimate, velocity: np.ndarray) -> float:
+    """Return the largest share of dry friction by which friction drops up to the largest of some speeds [1].
 
     Infinite where dry friction is not told from zero.
     """
-    fall = max(0.0, -viscous.interval95[0]) * float(np.abs(velocity).max())
-    return fall / dry.value if dry.interval95[0] > 0 else np.inf
+    drop = max(0.0, -viscous.interval95[0]) * float(np.abs(velocity).max())
+    return drop / dry.value if dry.interval95[0] > 0 else np.inf
 
 
 def _rest(record: JointRecord) -> Iterator[Finding]:
@@ -339,12 +341,14 @@ def _fit(record: JointRecord) -> Iterator[Finding]:
                 f"{name}_reaches_zero",
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer",
             )
-        elif estimate is not None and estimate.interval95[1] < 0:
-            low, high = estimate.interval95
-            yield warning(
-                f"{name}_below_zero",
-                f"{name} comes out below zero ({low:.4g} to {high:.4g}): dry friction is a little less at speed",
-            )
+    viscous, refused = record.viscous_friction, {finding.reason for finding in record.objections}
+    if viscous is not None and viscous.interval95[1] < 0 and NEGATIVE_FRICTION not in refused:
+        low, high = viscous.interval95
+        yield warning(
+            "viscous_friction_below_zero",
+            f"viscous_friction comes out below zero ({low:.4g} to {high:.4g}): dry friction that is less at speed than "
+            "near rest looks so, and so does a torque that is a little wrong",
+        )
     follows = record.diagnostics["position_torque"]
     if (worst := follows_position(follows, LARGEST_CHANGE)) and not follows_position(follows, SERIOUS):
         yield warning(

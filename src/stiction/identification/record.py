@@ -305,6 +305,7 @@ def make_record(fits: JointFits) -> JointRecord:
         kp=setup.kp,
         kd=setup.kd,
         torque_limit=setup.torque_limit,
+        walking_kp=setup.walking_kp,
     )
     diagnostics = _diagnostics(fits, strength)
     if brakes is not None:
@@ -418,7 +419,6 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
     )
     return {
         "method": fits.method,
-        "walking_kp": run.setup.walking_kp,
         "seen": base.estimates(),
         "strength": {
             "source": strength.source,

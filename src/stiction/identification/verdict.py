@@ -309,7 +309,9 @@ def _ignored(record: JointRecord) -> str:
     span = _span(record.dead_band, 1, " rad" if record.axis == "rotary" else " m")
     if record.axis == "rotary":
         span += f", {math.degrees(record.dead_band.value if low > 0 else max(high, 0.0)):.4g}°"
-    gain = "at the gains of the log" if record.used_kp == record.kp else f"where it walks at kp {record.used_kp:.4g}"
+    gain = "at the gains of the log"
+    if record.used_kp != record.kp:
+        gain = f"where the robot walks with a kp of {record.used_kp:.4g} N m/rad"
     return f"The joint ignores position errors up to f/kp, {span}, {gain}."
 
 

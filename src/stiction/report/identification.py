@@ -259,7 +259,7 @@ def _setting(record: JointRecord) -> Markup:
     settings = {
         "kp": (record.kp, f"{gain}/{position}"),
         "kd": (record.kd, f"{gain} s/{position}"),
-        "walking kp": (record.diagnostics.get("walking_kp"), f"{gain}/{position}"),
+        "kp of the walk": (record.walking_kp, f"{gain}/{position}"),
         "torque limit": (record.torque_limit, gain if torque == "N m of command" else torque),
     }
     known = ", ".join(f"{name} {number(value)} {own}" for name, (value, own) in settings.items() if value is not None)

@@ -214,7 +214,7 @@ class Faults(Injected):
         elif name == "second-writer":
             zero = np.zeros(self._joints)
             # With a number that the supervisor sent long ago: it sees in the next state that the robot acts on a
-            # command not its own. One whose own comes within the same period is never acted on; so they keep coming.
+            # command not its own. One that the supervisor overwrites within the same period is never acted on.
             stiff = command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero + 1.0, zero, zero)))
             self._elsewhere[name] = SecondMachine("{}:{}".format(*self._robot), stiff)
         elif name in self._elsewhere:

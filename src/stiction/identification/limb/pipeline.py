@@ -130,6 +130,7 @@ def joint_record(fits: LimbFits, joint: JointRows) -> JointRecord:
         kp=setup.kp,
         kd=setup.kd,
         torque_limit=limit,
+        walking_kp=setup.walking_kp,
         diagnostics=plain(diagnostics),
     )
     record = replace(record, friction_law=_law(record, alone))
@@ -170,7 +171,6 @@ def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]
     return {
         "method": METHOD,
         "robot": mechanism.name,
-        "walking_kp": run.setup.walking_kp,
         "strength": {"source": "measured" if run.measured else "declared", "missing": None},
         "samples": len(run.signals.time),
         "samples_used": len(residual),
