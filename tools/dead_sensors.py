@@ -164,7 +164,7 @@ def lean_on(bundle: Bundle, row: dict[str, str]) -> dict[str, object]:
     walk(bundle, seed, SECONDS, tilts=tilts)
     # Another rule may end it while it falls.
     begin = min(round(float(row["seconds"]) / PERIOD), len(tilts) - 1)
-    return dict(same) | {"largest_tilt": round(max(tilts[begin : begin + round(LATER / PERIOD)]), 3)}
+    return {**same, "largest_tilt": round(max(tilts[begin : begin + round(LATER / PERIOD)]), 3)}
 
 
 def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
@@ -228,10 +228,10 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     bundles = {bundle.contract.robot: bundle for bundle in read_policies()}
-    begins = {"walks": args.walks, "faults": args.faults, "exchanges": args.exchanges}
+    counts = {"walks": args.walks, "faults": args.faults, "exchanges": args.exchanges}
     wanted = [
         (table, fault, seed, robot)
-        for table, count in begins.items()
+        for table, count in counts.items()
         for seed in range(args.seed, args.seed + count)
         for fault in (FAULTS if table == "faults" else ("",))
         for robot in bundles

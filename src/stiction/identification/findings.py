@@ -155,9 +155,6 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
     stated = all_admitting(fits, fits.symmetric())
     for name in ("coulomb_friction", "viscous_friction"):
         friction = stated[name]
-        drop = drop_share(friction, stated["coulomb_friction"], fits.rows.velocity)
-        if name == VISCOUS and fits.run.measured and fits.braking is None and drop <= LARGEST_DROP:
-            return
         if fits.braking is not None:
             # The interval admits what is not known of a motor's brake.
             friction = fits.braking.widened(name, friction)
@@ -168,6 +165,8 @@ def _negative(fits: JointFits) -> Iterator[Finding]:
             )
         elif not fits.run.measured:
             cause = "check that the log was made at these gains (--kp, --kd) and this rate"
+        elif name == VISCOUS and drop_share(friction, stated["coulomb_friction"], fits.rows.velocity) <= LARGEST_DROP:
+            return
         else:
             cause = (
                 "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
