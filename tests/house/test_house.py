@@ -37,6 +37,7 @@ PICKLES = frozenset({"pickle", "_pickle", "cPickle", "cloudpickle", "dill", "job
 
 LONGEST_MODULE = 500
 LONGEST_FUNCTION = 70
+MOST_BY_POSITION = 20
 
 OF_ROS = frozenset({"rclpy", "sensor_msgs", "std_msgs"})
 """Packages of a ROS 2 installation, which are on no index; who asks for that transport has them."""
@@ -183,6 +184,30 @@ def test_modules_and_functions_stay_readable() -> None:
     ]
     long = [(name, node.name) for name, node in functions if (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION]
     assert not long, f"functions of {LONGEST_FUNCTION} lines or more: {long}"
+
+
+def positional(tree: ast.Module) -> list[str]:
+    """Return dataclasses of more than MOST_BY_POSITION fields, all with defaults, that take them by position."""
+    return [
+        node.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        and any(
+            "dataclass(" in ast.unparse(item) and "kw_only=True" not in ast.unparse(item)
+            for item in node.decorator_list
+        )
+        and len(fields := [item for item in node.body if isinstance(item, ast.AnnAssign)]) > MOST_BY_POSITION
+        and all(item.value is not None for item in fields)
+    ]
+
+
+def test_long_classes_of_options_take_them_by_name() -> None:
+    """A field put between others would give another meaning to numbers by position, without an error."""
+    fields = "".join(f"    a{number}: float | None = None\n" for number in range(MOST_BY_POSITION + 1))
+    code = "@dataclass(frozen=True)\nclass Many:\n" + fields
+    assert positional(ast.parse(code)) == ["Many"]
+    assert not positional(ast.parse(code.replace("True", "True, kw_only=True")))
+    assert not [name for path in MODULES for name in positional(tree_of(path))]
 
 
 MOST_REREAD = {

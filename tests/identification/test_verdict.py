@@ -123,13 +123,18 @@ def test_the_torque_limit_decides_before_the_gain(onsets: None) -> None:
     assert "matter? Yes: f/τ_max is at least 14.8 %; " in judge(both, SOURCES).lines[1]
     alone = judge(JointRecord(**known), SOURCES).lines[1]
     assert "matter? A little: f/kp is up to 0.052 rad; " in alone and "and a fifth from 0.056 to 0.15 rad" in alone
-    assert "Cannot be told without the motor's torque limit or its gain" in judge(JointRecord(FRICTION)).lines[1]
+    assert (
+        "Cannot be told without the motor's torque limit or its gain"
+        in judge(JointRecord(coulomb_friction=FRICTION)).lines[1]
+    )
 
 
 def test_a_robot_that_walked_with_these_gains_is_judged_by_itself_and_others_by_all(onsets: None) -> None:
     """A Go1's thigh with its own gains has two seeds at 10 %; with half of the gain, or of another robot, all count."""
     share = Estimate(0.12, 0.001, (0.118, 0.122))
-    thigh = JointRecord(FRICTION, friction_ratio=share, torque_limit=23.7, kp=30.0, test_condition="loaded")
+    thigh = JointRecord(
+        coulomb_friction=FRICTION, friction_ratio=share, torque_limit=23.7, kp=30.0, test_condition="loaded"
+    )
     joint = next(joint for joint in find_robot("go1").joints if joint.torque_limit == 23.7)
     thigh = replace(thigh, kp=joint.kp)
     own = judge(thigh, SOURCES, robot="go1").lines[1]
@@ -177,7 +182,9 @@ def test_where_no_training_covers_it_the_next_step_is_no_training(onsets: None) 
         name: replace(source, cells=tuple(replace(cell, follow_all=0) for cell in source.cells))
         for name, source in SOURCES.items()
     }
-    record = JointRecord(FRICTION, friction_ratio=Estimate(0.29, 0.001, (0.285, 0.295)), test_condition="loaded")
+    record = JointRecord(
+        coulomb_friction=FRICTION, friction_ratio=Estimate(0.29, 0.001, (0.285, 0.295)), test_condition="loaded"
+    )
     told = judge(record, lost)
     assert (
         told.step

@@ -29,7 +29,7 @@ TOLD = ("--forward", "--known-friction")
 """Options of policies or controllers that are told the friction of a level."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EvaluateCfg:
     """Drive policy bundles over engines, friction levels, grounds and commands."""
 

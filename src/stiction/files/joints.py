@@ -133,7 +133,7 @@ REFUSED = "not identified: "
 """Prefix of the warning for a refused joint."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class JointRecord:
     """Identified properties of one joint."""
 

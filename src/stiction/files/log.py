@@ -50,7 +50,7 @@ LARGEST_NUMBER = 1e12
 """Maximum of a physical quantity in its unit."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LogSetup:
     """Conditions of a log; a missing field is None."""
 

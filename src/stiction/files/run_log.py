@@ -315,7 +315,9 @@ def joint_log(source: str, log: RunLog) -> Log:
     notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
     gains = header.walking_kp or (None,) * len(header.kp)
     motors = zip(header.joint_names, header.kp, header.kd, gains, header.torque_limit, strict=True)
-    joints = {name: LogSetup(kp, kd, walking, limit) for name, kp, kd, walking, limit in motors}
+    joints = {
+        name: LogSetup(kp=kp, kd=kd, walking_kp=walking, torque_limit=limit) for name, kp, kd, walking, limit in motors
+    }
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
     # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]

@@ -172,7 +172,7 @@ class Payload:
         return self.mass * self.distance**2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class IdentifySetup:
     """Set-up of a log; a field that is None is taken from the log's sidecar, if that has it."""
 

@@ -96,7 +96,7 @@ class StictionLog(RecorderTerm):
             for i, name in enumerate(self.motors)
         }
         setups = {
-            name: LogSetup(motor.kp, motor.kd, motor.limit, axis=motor.axis)
+            name: LogSetup(kp=motor.kp, kd=motor.kd, torque_limit=motor.limit, axis=motor.axis)
             for name, motor in motors_of(self._env, self.asset, self.world).items()
         }
         setup = LogSetup(torque_source="motor_side", test_condition=self.condition, joints=setups)

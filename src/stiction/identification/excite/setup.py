@@ -30,7 +30,7 @@ FINITE = ("start", "gravity_sin", "gravity_cos")
 """Fields by the values that they may have."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExciteSetup:
     """Joint, controller, limits and sensors. Guesses suffice: the design holds over a range around them."""
 
