@@ -10,9 +10,9 @@ with the same numbers on each. A walk's seed is that of its virtual robot, of co
 every 4 s another command, every 4 to 8 s a push of up to 0.7 m/s along each axis (0.3 of a biped), friction of 0 to
 20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. Joints of the first
 two legs are exchanged in what a walk recorded, each pair once a second. A row a walk in walks.csv and faults.csv, and
-a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md. A walk
-may be ended by a rule on tilt, which is right if the robot would have fallen: it walks again without that rule, and
-falls.csv has the largest tilt [rad] of the simulated robot, without its sensors, within 3 s.
+a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md. A rule on
+tilt is right if the robot falls: here it ends a walk 3 s later, and largest_tilt [rad] is what the simulated robot
+leaned by then, without its sensors.
 """
 
 from __future__ import annotations
@@ -50,9 +50,6 @@ FAULTS = ("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "
 
 SENSORS = ("velocity and angle", "frozen angle", "attitude and gyroscope", "torque and command")
 """Rules whose largest values stand beside each walk, as shares of their limits."""
-
-TILTS = ("tilt", "predicted tilt")
-"""Rules that end a walk by a fall, where the robot itself leans."""
 
 NEVER = 10.0
 """Limit of a rule on tilt with which it ends no walk [rad]."""
@@ -96,33 +93,25 @@ Record = list[tuple[RobotState, JointCommand]]
 """Each state of a walk, and the command that answered it."""
 
 
-def walk(
-    bundle: Bundle,
-    seed: int,
-    seconds: float,
-    fault: str = "",
-    record: Record | None = None,
-    tilts: list[float] | None = None,
-) -> dict[str, object]:
+def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Record | None = None) -> dict[str, object]:
     """Walk, until something is found; return a row.
 
-    fault: begins once the robot walks, a second before the end; record: takes the walk; tilts: takes the true tilts
-    [rad] of a walk that no rule on tilt ends, and which takes `LATER` longer.
+    fault: begins once the robot walks, a second before the end; record: takes the walk.
     """
     spec, chance = robot_of(bundle.contract), np.random.default_rng(seed)
     biped = len(spec.foot_names) == 2
     level, speed, push = (0.1, 0.5, 0.3) if biped else (0.2, 0.8, 0.7)
     cfg = VirtualCfg(seed=seed, level=f"{level * (seed % 4) / 3:.3f}")
     command = np.array([0.5 * speed, 0.0, 0.0])
-    safety = SafetyCfg() if tilts is None else SafetyCfg(tilt=NEVER, predicted_tilt=NEVER)
+    safety = SafetyCfg() if fault else SafetyCfg(tilt=NEVER, predicted_tilt=NEVER)
     loop = Lockstep(bundle, SupervisorCfg(armed=True, safety=safety), cfg, command)
     if seed % 2 and not fault:
         wear = Wear(start=0.5, end=2.0, seconds=seconds)
         loop.robot._robot = World(partial(make_engine, cfg.engine)).robot(cfg.case, spec, chance, wear)
     loop.begin()
     values, begin, pushed, commanded = Values(loop), loop.now, loop.now + 4.0, loop.now + 4.0
-    broken_at = begin + seconds - 1.0 if fault else np.inf
-    end = begin + seconds + (0.0 if tilts is None else LATER)
+    broken_at, end = begin + seconds - 1.0 if fault else np.inf, begin + seconds
+    rules, fall, largest_tilt, ended = Safety(bundle.contract, SafetyCfg(), PERIOD), None, 0.0, None
     while loop.supervisor.stop_record is None and loop.now < end:
         if loop.now > commanded and not fault:
             command[:] = chance.uniform(-1, 1, 3) * (speed, 0.4 * speed, 0.6) * (chance.random() > 0.15)
@@ -135,36 +124,28 @@ def walk(
             loop.break_(fault)
             broken_at, started = np.inf, loop.now
         loop.step()
+        if fall is not None:
+            base = loop.robot._robot.ground_truth().motion.base_quaternion
+            largest_tilt = max(largest_tilt, tilt(base, np.zeros(3), 0.0)[0])
+            continue
         values.look()
         if record is not None and loop.newest is not None and loop.supervisor._safety._command is not None:
             record.append((loop.newest, loop.supervisor._safety._command))
-        if tilts is not None:
-            tilts.append(tilt(loop.robot._robot.ground_truth().motion.base_quaternion, np.zeros(3), 0.0)[0])
+        if loop.newest is not None and not fault and (fall := rules.falling(loop.newest.sensors)) is not None:
+            ended, end = loop.now, loop.now + LATER
     stop = loop.supervisor.stop_record
     loop.close()
     assert stop is not None or loop.supervisor.stage is Stage.RUN
-    row: dict[str, object] = {"robot": bundle.contract.robot, "seed": seed, "seconds": round(loop.now - begin, 2)}
-    row |= {"rule": "" if stop is None else stop.violation.rule, "joint": "" if stop is None else stop.violation.joint}
+    found = fall or (None if stop is None else stop.violation)
+    row: dict[str, object] = {
+        **{"robot": bundle.contract.robot, "seed": seed, "seconds": round((ended or loop.now) - begin, 2)},
+        **{"rule": "" if found is None else found.rule, "joint": "" if found is None else found.joint or ""},
+    }
     if fault:
         late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"
         return {"fault": fault} | row | {"found_ms": late}
-    return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
-
-
-def lean_on(bundle: Bundle, row: dict[str, str]) -> dict[str, object]:
-    """Walk again a walk that a rule on tilt ended, without that rule; return how far it leaned then.
-
-    Raises `SystemExit` where the policy no longer walks as the row says.
-    """
-    seed, same = int(row["seed"]), {name: row[name] for name in ("robot", "seed", "seconds", "rule")}
-    again = walk(bundle, seed, SECONDS)
-    if {name: str(again[name]) for name in same} != same:
-        raise SystemExit(f"{row['robot']}, seed {seed}: today's policy does not walk as the row; remove the row")
-    tilts: list[float] = []
-    walk(bundle, seed, SECONDS, tilts=tilts)
-    # Another rule may end it while it falls.
-    begin = min(round(float(row["seconds"]) / PERIOD), len(tilts) - 1)
-    return {**same, "largest_tilt": round(max(tilts[begin : begin + round(LATER / PERIOD)]), 3)}
+    shares = dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+    return row | {"largest_tilt": "" if fall is None else round(largest_tilt, 3)} | shares
 
 
 def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
@@ -245,11 +226,6 @@ def main() -> None:
         else:
             rows = [walk(bundles[robot], seed, 2.5 if fault else SECONDS, fault)]
         add(args.out / f"{table}.csv", rows)
-    walks, falls = kept(args.out / "walks.csv"), args.out / "falls.csv"
-    known = {(row["robot"], row["seed"]) for row in kept(falls)}
-    for row in walks:
-        if row["rule"] in TILTS and (row["robot"], row["seed"]) not in known:
-            add(falls, [lean_on(bundles[row["robot"]], row)])
     report(args.out)
 
 
@@ -257,7 +233,7 @@ def report(folder: Path) -> None:
     """Print what the tables of a folder come to."""
     walks = kept(folder / "walks.csv")
     hours = sum(float(row["seconds"]) for row in walks) / 3600
-    falls = sum(float(row["largest_tilt"]) >= LYING for row in kept(folder / "falls.csv"))
+    falls = sum(float(row["largest_tilt"] or 0.0) >= LYING for row in walks)
     alarms = sum(bool(row["rule"]) for row in walks) - falls
     largest = {name: max(float(row[name]) for row in walks) for name in SENSORS} if walks else {}
     print(f"{len(walks)} walks, {hours:.2f} robot-hours, {falls} falls, {alarms} false alarms; largest: {largest}")

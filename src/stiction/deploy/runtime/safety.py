@@ -161,11 +161,8 @@ class Safety:
         answers: True if the reading came after the last command had been sent; an earlier one does not show it.
         """
         cfg, sensors = self._cfg, state.sensors
-        now, ahead = tilt(sensors.quaternion, sensors.angular_velocity, cfg.horizon)
-        if now > cfg.tilt:
-            return Violation("tilt", None, now, cfg.tilt, "rad")
-        if ahead > cfg.predicted_tilt:
-            return Violation("predicted tilt", None, ahead, cfg.predicted_tilt, "rad")
+        if (fall := self.falling(sensors)) is not None:
+            return fall
         speed = np.abs(sensors.joint_velocity)
         if (worst := self._worst(speed, cfg.joint_speed)) is not None:
             return Violation("joint speed", self._names[worst], float(speed[worst]), cfg.joint_speed, "rad/s")
@@ -173,6 +170,16 @@ class Safety:
         if (square := self._squares.mean()) is not None and (rms := math.sqrt(square)) > cfg.flailing:
             return Violation("flailing", None, rms, cfg.flailing, "rad/s")
         return self._of_drives(state, answers) or self._of_motors(state)
+
+    def falling(self, sensors: Sensors) -> Violation | None:
+        """Return a violation if the robot leans too far, or will in a moment."""
+        cfg = self._cfg
+        now, ahead = tilt(sensors.quaternion, sensors.angular_velocity, cfg.horizon)
+        if now > cfg.tilt:
+            return Violation("tilt", None, now, cfg.tilt, "rad")
+        if ahead > cfg.predicted_tilt:
+            return Violation("predicted tilt", None, ahead, cfg.predicted_tilt, "rad")
+        return None
 
     def _of_drives(self, state: RobotState, answers: bool) -> Violation | None:
         """Return a violation if a motor gives another torque than its gains ask for at the measured angle and speed."""
