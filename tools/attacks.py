@@ -48,7 +48,6 @@ WALKS = f"{POLICY} --engines mujoco-alone --episodes 6 --seconds 4 --friction-le
 VERBS = {
     "train": f"train --robot go1 {SMALL}",
     "evaluate": f"evaluate {WALKS} --jobs 2",
-    "replicate": f"replicate --preset quick --parts standing --jobs 2 --policies {POLICY}",
     "study": f"study wear {POLICY} --robots 1000 1001 --seconds 14 --jobs 2 --engine mujoco",
 }
 """Verb -> the command that is killed, without its folder."""

@@ -96,7 +96,7 @@ PLAIN = (
 PLAIN += ("jinja2", "yaml", "rich.table", "rich.progress", "mujoco")
 TORCH = (*PLAIN, "torch", "rsl_rl", "tensordict", "safetensors")
 TRAINING = {"train", "train-actuator", "export", "study", "replicate"}
-LEARNING = {"walks", "training", "ground", "studies", "replication"}
+LEARNING = {"walks", "training", "ground", "studies"}
 """Verbs and parts that import torch."""
 
 

@@ -351,9 +351,8 @@ def studies(corpus: Corpus) -> None:
 
 
 def old(corpus: Corpus) -> None:
-    """Read older bundles and results, as git has them."""
-    names = (*OLD_BUNDLES, "results/replication")
-    packed = subprocess.run(["git", "archive", OLD, *names], cwd=CHECKOUT, capture_output=True, check=False)
+    """Read older bundles, as git has them."""
+    packed = subprocess.run(["git", "archive", OLD, *OLD_BUNDLES], cwd=CHECKOUT, capture_output=True, check=False)
     if packed.returncode:
         print(f"old: this clone has no revision {OLD}, nothing made", file=sys.stderr)
         return
@@ -362,12 +361,6 @@ def old(corpus: Corpus) -> None:
         corpus.run(f"verify-{name.replace('/', '-')}", f"verify {name}")
     corpus.run("evaluate-walker", "evaluate tests/data/walker --friction-levels 0 --commands vx=0.5 --seconds 3 "
                "--episodes 2 --jobs 1 --out walker")  # fmt: skip
-    corpus.run("replicate-judge-again", "replicate --judge-again --out results/replication")
-
-
-def replication(corpus: Corpus) -> None:
-    """Run the quick replication, some ten minutes of a core."""
-    corpus.run("quick", "replicate --preset quick --jobs 1 --out replication")
 
 
 PARTS = {
@@ -387,6 +380,5 @@ PARTS = {
     "demo": Part(demo),
     "studies": Part(studies, long=True),
     "old": Part(old),
-    "replication": Part(replication, long=True),
 }
 """Part -> its commands."""

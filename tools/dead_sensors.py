@@ -136,10 +136,10 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Rec
     stop = loop.supervisor.stop_record
     loop.close()
     assert stop is not None or loop.supervisor.stage is Stage.RUN
-    found = fall or (None if stop is None else stop.violation)
+    violation = fall or (None if stop is None else stop.violation)
     row: dict[str, object] = {
         **{"robot": bundle.contract.robot, "seed": seed, "seconds": round((ended or loop.now) - begin, 2)},
-        **{"rule": "" if found is None else found.rule, "joint": "" if found is None else found.joint or ""},
+        **{"rule": "" if violation is None else violation.rule, "joint": (violation and violation.joint) or ""},
     }
     if fault:
         late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"

@@ -211,65 +211,6 @@ def rooms() -> str:
     return picture(624, 24 + 34 * len(layers) - 6, parts, "rooms of the package; each imports from those below")
 
 
-ABLATION = (
-    ("two phases, soft ground: the paper's", "friction-training/results.csv", "", ""),
-    ("one phase, soft ground", "student/soft-ground/results.csv", "student/soft-ground/physx.csv", ""),
-    ("one phase, ground of drawn softness", "student/drawn-ground/results.csv", "student/drawn-ground/physx.csv", ""),
-    (
-        "the same, hard ground, command corrected",
-        "following/cohort-mujoco.csv",
-        "following/cohort-physx.csv",
-        "cohort-",
-    ),
-)
-"""Training, rows in MuJoCo, rows in PhysX, and what the names of its policies have in addition."""
-
-LEVELS = (0.0, 0.1, 0.2)
-"""Friction over the torque limit at which all of them walked."""
-
-
-def counted(file: str, more: str) -> list[str]:
-    """Return how many seeds walk straight at 0.5 m/s at each level, as `4 of 5`; "" where nobody walked."""
-    from stiction.files.results import read_results
-    from stiction_experiments.lab.straight import following
-
-    if not file:
-        return [""] * len(LEVELS)
-    names = [f"coulomb20-{more}deception-s{seed}{part}" for seed in range(15) for part in ("", "/student")]
-    rows = [row for row in read_results(ROOT / "results" / file) if row.policy in names]
-    cells = {cell.friction_level: cell for cell in following(rows, lambda row: row.method)}
-    return [f"{cells[level].follow} of {cells[level].seeds}" for level in LEVELS]
-
-
-def ablation() -> str:
-    """Return the training seeds that walk straight at 0.5 m/s, by training, friction and engine."""
-    parts = [text(427, 24, "MuJoCo", BLUE), text(627, 24, "PhysX", BLUE)]
-    for column in range(6):
-        parts.append(
-            text(367 + 60 * (column % 3) + 200 * (column // 3), 44, f"{100 * LEVELS[column % 3]:g} %", "#555c66", 11)
-        )
-    for number, (name, mujoco, physx, more) in enumerate(ABLATION):
-        y = 54 + 38 * number
-        parts.append(text(322, y + 20, name, INK, 13, "end"))
-        for column, cell in enumerate(counted(mujoco, more) + counted(physx, more)):
-            x = 340 + 60 * (column % 3) + 200 * (column // 3)
-            shade = 0.05 + 0.6 * (int(cell[0]) / int(cell[-1]) if cell else 0.0)
-            place = f'x="{x}" y="{y}" width="54" height="30" rx="4"'
-            parts.append(f'<rect {place} fill="{GREEN}" fill-opacity="{shade:.2f}"/>')
-            parts.append(text(x + 27, y + 20, cell or "not walked", INK if cell else GREY, 13 if cell else 9))
-    parts.append(
-        text(
-            12,
-            226,
-            "seeds of five that reach 0.8 to 1.2 of 0.5 m/s, forward and backward, at 0, 10 and 20 % of friction",
-            "#555c66",
-            11,
-            "start",
-        )
-    )
-    return picture(726, 238, parts, "training seeds that follow, step by step")
-
-
 def extras() -> str:
     """Return what each install adds."""
     return chain(
@@ -359,7 +300,6 @@ FIGURES: dict[str, Callable[[], str]] = {
     "one-number": one_number,
     "methods": methods,
     "rooms": rooms,
-    "ablation": ablation,
     "extras": extras,
     "supervisor": supervisor,
     **CHAINS,

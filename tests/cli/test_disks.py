@@ -55,10 +55,6 @@ VERBS = {
     "train-actuator": ("train-actuator", "{in}/logs", "--epochs", "1", "--hidden", "4", "--out", "{out}"),
     "evaluate": ("evaluate", POLICY, *WALK, "--out", "{out}"),
     "evaluate-log": ("evaluate", POLICY, *WALK, "--log", "{out}/logs", "--log-seconds", "1", "--out", "{out}"),
-    "replicate": (
-        "replicate",
-        *["--policies", "{in}/toy", "--parts", "load", "--jobs", "1", "--out", "{out}"],
-    ),
     "study": ("study", "wear", POLICY, *WEAR, "--no-control", "--out", "{out}"),
     "export": ("export", "{in}/run", "--out", "{out}/bundle"),
     "webots": ("export", POLICY, "--to", "webots", "--out", "{out}/project"),
@@ -74,7 +70,7 @@ VERBS = {
 ROOM = {"sign": 10, "key": 20, "convert": 20}
 """Bytes that there is room for in a file, where 300 were enough."""
 
-SLOW = ("excite", "evaluate-log", "replicate", "identify-walk", "study", "targets")
+SLOW = ("excite", "evaluate-log", "identify-walk", "study", "targets")
 """Verbs that compute for long before they write."""
 
 GROW = (".jsonl", ".log", ".lock")

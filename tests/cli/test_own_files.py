@@ -24,7 +24,7 @@ CASES = {
     "summary.json": ("study", "gait", POLICY),
     "speed.png": ("study", "actuator"),
     "bench.csv": ("study", "bench"),
-    "tables.md": ("replicate",),
+    "sentences.csv": ("replicate",),
 }
 """Result -> what would write it, and is refused before it does anything."""
 

@@ -2,9 +2,8 @@
 
 import pytest
 
-from stiction.evaluation.samples import Row, samples
+from stiction.evaluation.samples import Evidence, Row, samples
 from stiction.evaluation.table import Sample
-from stiction_experiments.lab.evidence import Evidence
 
 
 def row(seed: int, command: str, **columns: object) -> Row:

@@ -11,7 +11,7 @@ from stiction_experiments.lab.files import write_source
 
 CELL = CommandCount("none", "mujoco", "coulomb", 0.01, 5, 4, 75, 74, 0.001, 0.05, "wz=1: too slow")
 WAYS = {"none": TrainedWith("none", 0.0, 0.0, 0.0)}
-SOURCE = Source("stiction study friction", "abc", "saturn_lite", 6, ("p/student",), WAYS, (CELL,))
+SOURCE = Source("stiction train", "abc", "saturn_lite", 6, ("p/student",), WAYS, (CELL,))
 
 
 def test_a_study_writes_its_own_part_and_leaves_the_others(tmp_path: Path) -> None:

@@ -21,13 +21,3 @@ def refuse(number: int) -> None:
     with Path(f"refused-{number}").open("a") as file:
         file.write("x")
     raise StictionError(f"no walk of {number}")
-
-
-def wait_for_the_end(name: str) -> None:
-    """Wait until somebody asks to end, and note it."""
-    Path("waiting").touch()
-    try:
-        while True:
-            time.sleep(0.05)
-    finally:
-        Path(name).write_text("asked")

@@ -37,7 +37,7 @@ VERBS = {
     ),
     "train": (
         "train-actuator logs --epochs 1 --hidden 4",
-        "study training --plan",
+        "study paper --help",
         "bench --num-envs 4 --blocks 1",
         "doctor",
     ),

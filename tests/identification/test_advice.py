@@ -158,7 +158,7 @@ def test_the_text_is_answer_evidence_transfer_and_limits() -> None:
 
 def test_the_package_s_file_is_that_of_the_results() -> None:
     """Somebody edited the file, or forgot to write it after the results changed, where this fails."""
-    commands = pytest.importorskip("stiction_experiments.friction.commands", reason="the extra 'train' is needed")
+    commands = pytest.importorskip("stiction_experiments.paper.counts", reason="the extra 'train' is needed")
     from stiction.files.following import count_commands
 
     part = shipped()[TRAINING]

@@ -10,7 +10,6 @@ import numpy as np
 from stiction.evaluation.samples import SeedValues
 from stiction_experiments.gait.measure import BOTH, HOP, NEITHER, NO_TROT, NO_UNSYNC, PRONK, STANDS, VARIANTS, GaitRow
 from stiction_experiments.lab.claims import Claim, Finding, Labelled, Verdict, all_of, within
-from stiction_experiments.lab.evidence import Measurement
 
 MIXED = "these policies differ in more than gait rewards and seed, so that they are no samples of one training"
 """Why a mixture of trainings has no verdict."""
@@ -93,4 +92,4 @@ def _measured(rows: Sequence[GaitRow], variant: str, number: str) -> Labelled:
     seeds = seed_means(rows, variant, number)
     stood = sorted({row.seed for row in rows if row.variant == variant} - set(seeds))
     still = f", standing still: seed {', '.join(map(str, stood))}," if stood else ""
-    return f"{words(number)} with {VARIANTS[variant]}{still}", Measurement(seeds)
+    return f"{words(number)} with {VARIANTS[variant]}{still}", seeds

@@ -83,15 +83,6 @@ class Cluster:
             for left in running:
                 ray.cancel(left, force=True)
 
-    def start(self, work: Callable[..., Any], *task: Any) -> Any:
-        """Begin one task; return what `finished`, `result` and `cancel` know it by."""
-        return _remote().remote(*self.place, work, task)
-
-    def finished(self, task: Any) -> bool:
-        """Say whether a task has ended, well or not."""
-        ray = _ray()
-        return bool(ray.wait([task], timeout=0.0)[0])
-
     def result(self, task: Any) -> Any:
         """Wait for a task; return its result. Raises as `spread`."""
         ray = _ray()
@@ -105,20 +96,6 @@ class Cluster:
                 "done is kept: run the same command again"
             ) from error
 
-    def cancel(self, task: Any, force: bool = False) -> None:
-        """Ask a task to end as Ctrl-C does, or kill it."""
-        ray = _ray()
-        ray.cancel(task, force=force)
-
-
-_current: Cluster | None = None
-"""The cluster that the work of this process goes to, if to any."""
-
-
-def current_cluster() -> Cluster | None:
-    """Return the cluster that `use_cluster` has connected to, None without one."""
-    return _current
-
 
 @contextmanager
 def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
@@ -129,7 +106,6 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
 
     Raises `StictionError` without the package ray, and where the cluster cannot be used.
     """
-    global _current
     if address is None:
         yield None
         return
@@ -152,11 +128,10 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
         code = code_digest()
         nodes = [node for node in ray.nodes() if node["Alive"] and node["Resources"].get("CPU", 0) >= 1]
         nodes = _checked(nodes, code, folder)
-        _current = Cluster(int(sum(node["Resources"]["CPU"] for node in nodes)), code)
-        with spread_by(_current.spread):
-            yield _current
+        cluster = Cluster(int(sum(node["Resources"]["CPU"] for node in nodes)), code)
+        with spread_by(cluster.spread):
+            yield cluster
     finally:
-        _current = None
         ray.shutdown()
 
 

@@ -22,23 +22,19 @@ One of your own is `package.module:STUDY`, anywhere on the Python path.
 """
 
 
-ALSO = {"training": "friction"}
-"""Another name that people look for -> the study, whose question says so too."""
-
-
 def study_names() -> list[str]:
     """Return the names of the studies: the entry points of the group `stiction.studies`."""
     return installed_names(STUDIES)
 
 
 def find_study(name: str) -> Study:
-    """Return the study called `name`, or also so, or the one at `package.module:VARIABLE`.
+    """Return the study called `name`, or the one at `package.module:VARIABLE`.
 
     Raises:
         ConfigurationError: there is no such module, or it holds no study.
 
     """
-    study = find_named("study", name) if ":" in name else find_installed(STUDIES, ALSO.get(name, name))
+    study = find_named("study", name) if ":" in name else find_installed(STUDIES, name)
     if not isinstance(study, Study):
         raise ConfigurationError(f"study {name!r} is a {type(study).__name__}; expected a Study")
     return study
@@ -57,11 +53,10 @@ def main(arguments: list[str]) -> int:
     if name in ("-h", "--help"):
         print(overview(), end="")
         return 0
-    names = sorted([*study_names(), *ALSO])
+    names = study_names()
     if name not in names and ":" not in name:
         if name:
             refuse("stiction study", unknown_name("study", name, names))
         print(overview().rstrip(), file=sys.stderr)
         return 2
-    # Its results are those of the one name: a folder that was written under the other goes on.
-    return find_study(name).main(arguments[1:], f"study {ALSO.get(name, name)}")
+    return find_study(name).main(arguments[1:], f"study {name}")

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Literal
 
-from stiction.files.following import STALLS
 from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
 
 Pace = Literal["too slow", "follows", "too fast"]
@@ -38,24 +36,6 @@ def pace(ratio: float) -> Pace:
 def worst(ratios: Iterable[float]) -> float:
     """Return the speed ratio that is the farthest from the middle of the band [-]; at least one is given."""
     return max(ratios, key=lambda ratio: abs(ratio - sum(FOLLOWS) / 2.0))
-
-
-def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
-    """Return where a policy follows on flat ground while one of its walks is slower than `STALLS`, the slowest first.
-
-    Of each policy, engine and friction the row of the slower direction; rows of before tell of no walk.
-    """
-    cells: dict[tuple[str, str, str, float], list[ResultRow]] = {}
-    for row in rows:
-        if row.terrain == "flat" and row.command in DIRECTIONS:
-            cells.setdefault((row.policy, row.engine, row.friction_law, row.friction_level), []).append(row)
-    slow: list[tuple[float, ResultRow]] = []
-    for own in cells.values():
-        known = [(row.slowest_walk, row) for row in own if row.slowest_walk is not None]
-        seen = {"fell" if row.fall_rate else pace(ratio) for row in own for ratio in row.ends or ()}
-        if known and seen == {"follows"} and len({row.command for row in own}) == len(DIRECTIONS):
-            slow.append(min(known, key=itemgetter(0)))
-    return [row for slowest, row in sorted(slow, key=itemgetter(0)) if slowest < STALLS]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-import re
 import shlex
 import sys
 import time
@@ -111,15 +110,6 @@ class UsageError(Exception):
     """Raised by a study for a command line that lacks something: one line that says what."""
 
 
-class Stopped(Exception):
-    """Raised by a study that was asked to stop: nothing is written."""
-
-    def __init__(self, status: int) -> None:
-        """`status`: exit status of a program that a signal ended."""
-        super().__init__(f"stopped, status {status}")
-        self.status = status
-
-
 class Work:
     """Context of a study: its folder, policies, processes, earlier results, and progress."""
 
@@ -156,11 +146,9 @@ class Work:
         if getattr(self._options, "judge_again", False):
             self._stack.enter_context(output_folder(self.out))
         else:
-            # What is added to is meant, whoever wrote it: the study reads it, and refuses what is not its own.
-            results = () if getattr(self._options, "add", False) else self._results
             free = getattr(self._options, "free", ())
             inputs = {name: getattr(self._options, name, None) for name in INPUTS if name not in free}
-            self._stack.enter_context(results_folder(self.out, self.verb, self._options, results, inputs))
+            self._stack.enter_context(results_folder(self.out, self.verb, self._options, self._results, inputs))
         cluster = self._stack.enter_context(use_cluster(getattr(self._options, "cluster", None), self.out))
         if cluster is not None and getattr(self._options, "jobs", None) is None:
             self.jobs = cluster.processors
@@ -269,8 +257,8 @@ class Study(Generic[Chosen]):
     description: str
     """Text of `--help`."""
     options: type[Chosen]
-    run: Callable[[Chosen, Work], Report | int]
-    """Does it; returns an exit status where there is nothing to write."""
+    run: Callable[[Chosen, Work], Report]
+    """Does it."""
     groups: Groups | None = None
     """Options that `--help` shows, by default all of them: for a study with those of a training among its own."""
     results: Sequence[str] = ()
@@ -300,10 +288,6 @@ class Study(Generic[Chosen]):
             except UsageError as error:
                 work.say(f"{error}; `{program} --help` shows the usage")
                 return 2
-            except Stopped as stopped:
-                return stopped.status
-            if isinstance(report, int):
-                return report
             warnings = [*work.origin.warnings(), *report.warnings]
             print_warnings(verb, warnings)
             summary = write_report(work.begin(), report, work.provenance | {"warnings": warnings})
@@ -354,14 +338,8 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
     """Return what became of each sentence as a table. note: what its reader must know."""
     from stiction.report.page import Sheet
 
-    rows = tuple((f"“{v.sentence}”", filled(v), v.criterion, v.evidence) for v in verdicts)
+    rows = tuple((f"“{v.sentence}”", v.outcome, v.criterion, v.evidence) for v in verdicts)
     return Sheet(title, ("sentence", "outcome", "criterion", "evidence"), rows, note)
-
-
-def filled(verdict: Verdict) -> str:
-    """Return the outcome of a sentence with the friction that its x stands for."""
-    match = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
-    return f"{verdict.outcome[:-1]}{match[1]}" if match else verdict.outcome
 
 
 PAGE = "report.html"

@@ -7,15 +7,20 @@ from stiction.evaluation.grid import parse_simulator
 from stiction.files.following import COMMAND_SET
 from stiction.files.velocity import parse_command
 from stiction.learning.arguments import parse
+from stiction.learning.config import TrainCfg
 from stiction.task.terrain import LENGTH
 from stiction_experiments.actuator.config import RUNS
-from stiction_experiments.friction.planned import processor_seconds
 from stiction_experiments.paper import climbs, lives
 from stiction_experiments.paper.plan import GAIT_WALKS, GAITS, PLACES, SECONDS, TRAININGS, VIRTUAL, WORN, Training
 
 ENGINES = {"mujoco": 0.0131, "physx": 0.3, "ode-webots": 0.5}
 """Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once:
 1,021 s for 78,000 s of walks of `none` (results/paper/ledger.csv)."""
+
+STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.79e-4, "physx": 1.2e-3}
+"""Processor time of a training in one phase for each control step of each robot [s], with friction as rows and as
+sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core). In PhysX, a robot at a
+time, 15 s. Machines differ by two; methods, robots and encoders take 0.8 to 1.6 of it."""
 
 FITTING = 60.0
 """Processor time of fitting an Actuator Net [s]."""
@@ -47,6 +52,13 @@ def plan_seconds() -> dict[str, float]:
         "lives": sum(seeds[name] for name in WORN) * walks * physx,
         "gaits": sum(seeds[name] for name in GAITS) * GAIT_WALKS * SECONDS * ENGINES["mujoco"],
     }  # fmt: skip
+
+
+def processor_seconds(cfg: TrainCfg) -> float:
+    """Return the processor time of a training from the beginning, by `STEP_SECONDS` [s]."""
+    physics = ("sliders" if cfg.task.physics.plastic else "rows") if cfg.engine == "mujoco" else cfg.engine
+    steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
+    return steps * STEP_SECONDS[physics]
 
 
 def training_seconds(training: Training) -> float:

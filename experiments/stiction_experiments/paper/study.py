@@ -69,3 +69,8 @@ STUDY = Study(
     run,
     results=("sentences.csv", "followed.png", "profile.png"),
 )
+
+
+def main(arguments: list[str]) -> int:
+    """Run the study as the verb `stiction replicate`."""
+    return STUDY.main(arguments, "replicate")

@@ -40,6 +40,7 @@ from stiction_experiments.paper.climbs import STAIRS, Stairs, climb
 from stiction_experiments.paper.estimator import DRAWS, TABLE, draw_motor, estimate_rows, profile_rows
 from stiction_experiments.paper.gaits import walk_gaits
 from stiction_experiments.paper.lives import life_cfg, live
+from stiction_experiments.paper.net import WalkedNet, make_net
 from stiction_experiments.paper.plan import (
     GAIT_WALKS,
     GAITS,
@@ -55,7 +56,6 @@ from stiction_experiments.paper.plan import (
 )
 from stiction_experiments.paper.results import Learning
 from stiction_experiments.paper.rows import walk_row
-from stiction_experiments.replication.net import WalkedNet, make_net
 
 COHORT = Path("results/following/policies")
 """Policies that were trained before, as `coulomb20-cohort-NAME-sSEED`, in the working folder."""
@@ -105,10 +105,9 @@ class Step:
 
 
 def policy_of(training: Training, seed: int, out: Path) -> Path:
-    """Return the folder of a policy."""
-    if training.trained:
-        return COHORT / f"coulomb20-cohort-{training.name}-s{seed}"
-    return out / "policies" / f"{training.name}-s{seed}"
+    """Return the folder of a policy: where it was trained before, that of the cohort."""
+    cohort = COHORT / f"coulomb20-cohort-{training.name}-s{seed}"
+    return cohort if training.trained and cohort.is_dir() else out / "policies" / f"{training.name}-s{seed}"
 
 
 def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
@@ -120,7 +119,7 @@ def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step
     for training in TRAININGS:
         walks = {f"walk {name} {training.name}": (name, walk) for name, walk in _walks(training, out, jobs)}
         missing = [name for name in walks if name not in done]
-        for seed in training.seeds if missing and not training.trained else ():
+        for seed in training.seeds if missing else ():
             name, policy = f"{training.name}-s{seed}", policy_of(training, seed, out) / "contract.json"
             if policy.exists():
                 continue

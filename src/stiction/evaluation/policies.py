@@ -29,7 +29,7 @@ from stiction.files.contract_rules import IMPORTED
 from stiction.files.known_friction import kind_average
 from stiction.files.method import installed_methods, known_method
 from stiction.files.observation import NO_CLIP, ObservationLayout, Term
-from stiction.joints.compensation import SHARES, By, Compensation
+from stiction.joints.compensation import SHARES, Compensation
 from stiction.joints.friction import MAX_LEVEL, Law
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
@@ -43,8 +43,6 @@ FED = f"none{FORWARD}"
 
 FED_BY_REFERENCE, FED_BY_MEASURED = "none+reference", "none+measured"
 """Conventional policy with friction fed forward by the target's or the joint's speed, by the error while stuck."""
-
-FED_BY: dict[By, str] = {"error": FED, "reference": FED_BY_REFERENCE, "measured": FED_BY_MEASURED}
 
 
 def fed_suffix(compensation: Compensation) -> str:

@@ -38,8 +38,6 @@ class Rate:
     """Number of events in all trials; for clusters of walks, the sum of their mean shares."""
     trials: int
     """Number of walks, or of clusters of walks that depend on each other: pairs of policy and virtual robot."""
-    robots: int = 0
-    """Number of virtual robots, which the policies share; 0: the walks are on the robot of the data sheet."""
 
     @property
     def share(self) -> float:
@@ -50,11 +48,6 @@ class Rate:
     def interval(self) -> Interval:
         """Wilson's 95 % interval of that share."""
         return wilson(self.successes, self.trials)
-
-    @property
-    def robots_interval(self) -> Interval | None:
-        """Wilson's 95 % interval of that share with one trial per virtual robot, over all policies; None without."""
-        return wilson(self.share * self.robots, self.robots) if self.robots else None
 
 
 Row = dict[str, Any]
@@ -112,8 +105,7 @@ class Evidence:
             seed: len(_robots(seed_rows)) or sum(row["episodes"] for row in seed_rows)
             for seed, seed_rows in rows.items()
         }
-        robots = _robots([row for seed_rows in rows.values() for row in seed_rows])
-        return Rate(shares, sum(shares[seed] * trials[seed] for seed in shares), sum(trials.values()), len(robots))
+        return Rate(shares, sum(shares[seed] * trials[seed] for seed in shares), sum(trials.values()))
 
 
 def cells_of(method: str, condition: Condition, commands: Sequence[str], terrain: str = "flat") -> list[Cell]:

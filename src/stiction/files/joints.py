@@ -85,9 +85,8 @@ FRICTION_REACHES_ZERO = "friction_reaches_zero"
 """Reason of the one objection that concerns dry friction alone: the rest of the fit is valid."""
 
 NEGLIGIBLE = 0.01
-"""Friction over torque limit that had no effect on any policy of `stiction replicate` in any engine
-(identification/advice.json): where friction cannot be distinguished from zero, and is at most this, simulators may use
-zero."""
+"""Friction over torque limit that changes no walk of policies that were trained without it (results/paper, sentence
+14): where friction cannot be distinguished from zero, and is at most this, simulators may use zero."""
 
 LOAD_REGRESSORS = {"gravity": "|gravity and known torque from outside| [N m]", "motor_torque": "|motor torque| [N m]"}
 """Regressors of a load coefficient -> the same in words: the first from a joint's log, the second from a walk. Training

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -11,13 +11,13 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.export import export_run
+from stiction.learning.arguments import parse
 from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.learning.run import RunDirectory, save_checkpoint
 from stiction.task.friction import FrictionCfg
 from stiction_experiments.adaptation.monitor import over_seeds, per_episode
 from stiction_experiments.adaptation.probes import WalkCfg, probe_task
 from stiction_experiments.adaptation.run import AdaptationCfg, same_but_for_seed, study, study_run
-from synthetic import place, write_run
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,25 @@ def test_episodes_are_averaged_over_commands_and_kept_apart() -> None:
 
 def test_a_part_counts_by_the_run_that_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With other joints, the same student walks and feels otherwise: its old part would stand for it."""
-    at, keys = place(tmp_path, "toy", 0, "--friction-level", "0.2"), []
-    write_run(at)
+    run, keys = tmp_path / "toy-s0", []
+    words = ["--preset", "two-phase", "--teacher.iterations", "1", "--student.iterations", "1"]
+    header = {"command": "stiction train", "revision": "abc", "seed": 0, "identified": None}
+    config = asdict(parse([*words, "--friction-level", "0.2", "--seed", "0"]).config)
+    files = {
+        "config.json": json.dumps(header | {"config": config}),
+        "checkpoints/student_000001.safetensors": "weights",
+        "checkpoints/student_000001.json": "{}",
+        "summary.json": "{}",
+    }
+    for name, text in files.items():
+        (run / name).parent.mkdir(parents=True, exist_ok=True)
+        (run / name).write_text(text)
     monkeypatch.setattr("stiction_experiments.adaptation.run.read_entry", lambda file, key: keys.append(key) or {})
-    file = at.path / "config.json"
-    text = file.read_text()
+    file = run / "config.json"
+    text = files["config.json"]
     for identified in (None, {"file": "j", "sha256": "0" * 64}, None):
         file.write_text(json.dumps(json.loads(text) | {"identified": identified}))
-        study_run(at.path, tmp_path, AdaptationCfg(), 1, lambda name, share: None)
+        study_run(run, tmp_path, AdaptationCfg(), 1, lambda name, share: None)
     assert keys[0] == keys[2] != keys[1]
 
 

@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from stiction.files.results import ResultRow
 from stiction.joints.compensation import parse_compensation
 from stiction.robots.catalog import find_robot
 from stiction_experiments.compensation.page import answer
 from stiction_experiments.compensation.standing import hunting, rms, stand_by
 from stiction_experiments.compensation.walking import Followed, followed
-from synthetic import row
+
+
+def row(policy: str, level: float, command: str, ratio: float | None, **columns: Any) -> ResultRow:
+    """Return a row of results.csv; the seed is read from the policy's name."""
+    defaults: dict[str, Any] = {
+        "method": "direct",
+        "seed": int(policy.partition("/")[0].rpartition("-s")[2]),
+        "engine": "mujoco",
+        "friction_law": "coulomb",
+        "terrain": "flat",
+        "tracking_error": 0.05,
+        "fall_rate": 0.0,
+        "distance": 4.0,
+        "steps_climbed": None,
+        "cost_of_transport": 0.5,
+        "joint_jitter": 80.0,
+        "tripod_share": 0.9,
+        "flight_share": 0.0,
+        "episodes": 16,
+    }
+    return ResultRow(policy=policy, friction_level=level, command=command, speed_ratio=ratio, **{**defaults, **columns})
 
 
 def test_a_joint_that_moves_to_and_fro_once_a_second_hunts() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -47,7 +46,6 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Clust
                 assert used is not None and used.processors == 1
                 assert not list(folder.glob(".cluster-*"))
                 yield cluster, used
-            assert module.current_cluster() is None
         finally:
             cluster.shutdown()
 
@@ -55,18 +53,9 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Clust
 def test_what_a_task_raises_comes_home(nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is, and not a second time; relative paths are those of who asked."""
     monkeypatch.chdir(tmp_path)
-    _, used = nodes
     with pytest.raises(StictionError, match="no walk of 3"):
         list(spread(cluster_tasks.refuse, [(3,)], 1))
     assert Path("refused-3").read_text() == "x"
-    task = used.start(cluster_tasks.wait_for_the_end, "stopped")
-    while not Path("waiting").exists():
-        time.sleep(0.05)
-    assert not used.finished(task)
-    used.cancel(task)
-    while not used.finished(task):
-        time.sleep(0.05)
-    assert Path("stopped").read_text() == "asked"
 
 
 def test_a_node_with_other_code_is_refused(nodes: Any, tmp_path: Path) -> None:
@@ -79,27 +68,6 @@ def test_a_node_with_other_code_is_refused(nodes: Any, tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match=r"has other code of stiction; install the same"):
         module._checked([later], "0" * 64, tmp_path)
     assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
-
-
-def test_a_training_is_a_task(nodes: Any, tmp_path: Path) -> None:
-    """`study friction --train --cluster`: the node trains in the run's own folder, and says how it ended."""
-    pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
-    from stiction_experiments.friction.manifest import Condition, Run
-    from stiction_experiments.friction.planned import PlannedRun
-    from stiction_experiments.friction.training import train_missing
-
-    small = (
-        *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
-        *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
-        *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
-    )
-    runs = [
-        PlannedRun.of(Run(Condition(name, "1", "a test", words), 0), tmp_path / "runs")
-        for name, words in (("good", small), ("bad", ("--robot", "nosuch")))
-    ]
-    failed = train_missing(runs, 2, poll=0.1)
-    assert [run.state() for run in runs] == ["finished", "missing"]
-    assert list(failed) == ["bad-s0"] and "nosuch" in failed["bad-s0"]
 
 
 def test_a_lost_node_costs_its_tasks_and_no_result(nodes: Any, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from stiction.cli.main import main
 from stiction.core.records import column
 from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction_experiments.lab.claims import Verdict
-from stiction_experiments.lab.command import ALSO, find_study, study_names
+from stiction_experiments.lab.command import find_study, study_names
 from stiction_experiments.lab.study import ParallelOptions, Report, Study, UsageError, Work, namesakes
 
 MADE: list[float] = []
@@ -128,7 +128,7 @@ def test_policies_that_the_package_has_replaced_are_named() -> None:
 
 def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> None:
     """A study that is not listed would not be found; a misspelt one is told the nearest."""
-    assert {"gait", "damping", "replication"} <= set(study_names())
+    assert {"gait", "damping", "paper"} <= set(study_names())
     assert main(["study", "--help"]) == 0
     listed = capsys.readouterr().out
     assert max(map(len, listed.splitlines())) <= 80
@@ -139,14 +139,11 @@ def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> No
     assert "unknown study 'gayt'; did you mean 'gait'?" in capsys.readouterr().err
 
 
-def test_a_study_has_another_name_that_its_question_says(capsys: pytest.CaptureFixture) -> None:
-    """Two entries would read as two experiments; a name that none says would never be typed."""
-    assert not set(ALSO) & set(study_names()) and set(ALSO.values()) <= set(study_names())
-    for other, name in ALSO.items():
-        assert f"`stiction study {other}`" in find_study(name).question and find_study(other) is find_study(name)
+def test_a_name_that_is_nearly_a_study_is_told(capsys: pytest.CaptureFixture) -> None:
+    """The nearest name stands in the message."""
     with pytest.raises(SystemExit, match="2"):
-        main(["study", "trainning"])
-    assert "unknown study 'trainning'; did you mean 'training'?" in capsys.readouterr().err
+        main(["study", "weer"])
+    assert "unknown study 'weer'; did you mean 'wear'?" in capsys.readouterr().err
 
 
 def test_a_study_connects_to_its_cluster_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

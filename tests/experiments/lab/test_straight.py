@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from stiction.files.results import ResultRow, ends_of
-from stiction_experiments.lab.straight import BAND, DEFINITION, following, pace, stalled
+from stiction_experiments.lab.straight import BAND, DEFINITION, following, pace
 
 ROW = ResultRow(
     *("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.5"), *(1.0, 0.1, 0.0, 4.0, None, 1.0, 20.0, 0.8, 0.0, 8)
@@ -59,21 +59,6 @@ def test_each_virtual_robot_is_judged() -> None:
     assert cell.each == "0.60..1.40/0.90..1.10" and cell.deviation == pytest.approx(0.25)
     within = [replace(forward, **ends_of((0.8, 1.1))), replace(backward, **ends_of((1.2, 0.9)))]
     assert following(within, lambda row: row.method)[0].every_seed
-
-
-def test_a_walk_that_stalls_is_told_only_of_who_follows_in_the_mean() -> None:
-    """Named are a seed's slower direction, the slowest seed first; half of the command is no stall.
-
-    Not named: who is too slow anyway, who fell, who walked one way, and rows that know no walk.
-    """
-    first = [replace(row, slowest_walk=walk) for row, walk in zip(seed(0, 0.9, 0.9), (0.45, 0.4), strict=True)]
-    second = [replace(seed(1, 0.85, 1.0)[0], slowest_walk=0.28), seed(1, 0.85, 1.0)[1]]
-    half = [replace(row, slowest_walk=0.5) for row in seed(2, 0.9, 0.9)]
-    others = [*seed(3, 0.9, 0.7), *seed(4, 0.9, 0.9, fall_rate=0.1), seed(5, 0.9, 0.9)[0]]
-    others = [replace(row, slowest_walk=0.1) for row in others]
-    assert stalled([*first, *second, *half, *others, *seed(6, 0.9, 0.9)]) == [second[0], first[1]]
-    on_stairs = [replace(row, terrain="stairs=0.1") for row in first]
-    assert stalled(on_stairs) == []
 
 
 def test_cells_are_apart_and_stairs_are_none() -> None:

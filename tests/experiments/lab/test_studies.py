@@ -136,9 +136,9 @@ def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_pat
     [
         (["study", "physics", "--seconds", "nan"], "16 walks of nan s at 0.5 m/s: expected at least 2"),
         (["study", "gait", "--seconds", "nan"], "nan"),
-        (["study", "friction", "--out", "{file}"], "is a file; choose another --out"),
+        (["study", "paper", "--out", "{file}"], "is a file; choose another --out"),
         (["study", "wear", "--out", "{file}/in"], "is a file; choose another --out"),
-        (["replicate", "--runs", "elsewhere"], "--runs requires --preset full"),
+        (["replicate", "--out", "{file}/in"], "is a file; choose another --out"),
     ],
 )
 def test_what_cannot_be_done_is_said_before_any_work(words: list[str], message: str, tmp_path: Path, capsys) -> None:
@@ -146,7 +146,7 @@ def test_what_cannot_be_done_is_said_before_any_work(words: list[str], message: 
     file = tmp_path / "file"
     file.write_text("")
     words = [word.format(file=file) for word in words]
-    names = [] if words[0] == "replicate" or words[1] == "friction" else ["no-such-bundle"]
+    names = [] if words[0] == "replicate" or words[1] == "paper" else ["no-such-bundle"]
     out = [] if "--out" in words else ["--out", str(tmp_path / "out")]
     assert main([*words[:2], *names, *words[2:], *out] if names else [*words, *out]) == 1
     printed = capsys.readouterr().err

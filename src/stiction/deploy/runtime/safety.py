@@ -13,6 +13,7 @@ import numpy as np
 
 from stiction.core.rotation import up_axis
 from stiction.deploy.control import JointCommand
+from stiction.deploy.observation import Sensors
 from stiction.deploy.plausibility import RULES, Violation
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState

@@ -13,11 +13,11 @@ from stiction.files.advice import TRAINING, read_advice
 from stiction.files.following import CommandCount
 from stiction.files.results import ResultRow, read_results, write_results
 from stiction.identification.advice import advise
-from stiction_experiments.friction.commands import main, read_tables, way_of
+from stiction_experiments.paper.counts import main, read_tables, way_of
 
 DEVELOPMENT = Path(__file__).parents[3] / "results/following/development.csv"
 
-TRAINED = ("--command", "stiction study friction --preset quick --parts cohort --train", "--revision", "abc")
+TRAINED = ("--command", "stiction train --preset quick", "--revision", "abc")
 
 
 def development(policy: str, engine: str) -> list[ResultRow]:

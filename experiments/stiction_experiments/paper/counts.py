@@ -1,6 +1,6 @@
 """Count the commands that policies follow, in tables of `stiction evaluate`, and write the part of the advice.
 
-    python -m stiction_experiments.friction.commands OUT TABLE... [--advice FILE --command WORDS --revision REVISION]
+    python -m stiction_experiments.paper.counts OUT TABLE... [--advice FILE --command WORDS --revision REVISION]
 
 OUT gets counts.csv, counts.md and counts.png. Each TABLE is a results.csv, in whatever engines. FILE is what `stiction
 identify` advises by: it gets the counts of the methods in `METHODS`, with the command and the revision that trained
@@ -26,8 +26,8 @@ from stiction.identification.advice import PLACES, TOLD
 from stiction.report.following import counts_sheet
 from stiction.report.page import Sheet, legend, line_look, mark_look, new_figure, save_figure
 from stiction.robots.catalog import find_robot
-from stiction_experiments.friction.manifest import LEVEL
 from stiction_experiments.lab.files import write_source
+from stiction_experiments.paper.plan import LEVEL
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""The Actuator Net of the comparison: fitted to what the motors of one virtual robot report while it walks.
+"""The Actuator Net: fitted to what the motors of one virtual robot report while it walks.
 
 As in the paper the conventional policy f0 walks on the robot, backward only, and its log trains f_motor; f1 is then
 trained with that net in place of the PD law. The torque is that of a sensor behind the gear, which has the joints'
@@ -34,7 +34,7 @@ from stiction.virtual.cases import Case
 from stiction.virtual.trial import World, walk
 from stiction_experiments.actuator.config import BACKWARD, RUNS
 
-MAKING = (*WALK_CODE, "joints/*.py", "learning/actuator*.py", "stiction_experiments:replication/net.py")
+MAKING = (*WALK_CODE, "joints/*.py", "learning/actuator*.py", "stiction_experiments:paper/net.py")
 """Code that decides what the net is."""
 
 Progress = Callable[[str, float], None]
@@ -125,7 +125,7 @@ def make_net(
             )
             write_trained(net, fitted)
     except OSError as error:
-        raise FileError(f"{folder} cannot be written: {error}; choose another --runs") from error
+        raise FileError(f"{folder} cannot be written: {error}; choose another --out") from error
 
 
 def log_walk(walked: WalkedNet, command: str, episode: int, logs: Path) -> None:

@@ -1,4 +1,4 @@
-"""The Actuator Net of the comparison: what it is fitted to, and when it is fitted anew."""
+"""The Actuator Net of walks: what it is fitted to, and when it is fitted anew."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +18,9 @@ pytest.importorskip("torch", reason="the package torch, of the extra 'train', is
 
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
-from stiction_experiments.replication import net as module
-from stiction_experiments.replication.net import WalkedNet, make_net
-from stiction_experiments.replication.plan import KNOWN_CASE
+from stiction.virtual.cases import Case, parse_level
+from stiction_experiments.paper import net as module
+from stiction_experiments.paper.net import WalkedNet, make_net
 
 SPEC = find_robot("saturn_lite")
 
@@ -31,7 +31,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> WalkedNet:
     contract = make_contract()
     bundle = make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3))
     cfg = ActuatorCfg(epochs=1, hidden=(4,))
-    return WalkedNet("mujoco", KNOWN_CASE, SPEC, read_bundle(bundle), "output_side", 1.0, cfg)
+    return WalkedNet("mujoco", Case(0, "all", parse_level("0.2")), SPEC, read_bundle(bundle), "output_side", 1.0, cfg)
 
 
 @pytest.mark.parametrize("side", ["output_side", "motor_side"])

@@ -1,1 +1,0 @@
-"""which training method works under joint friction, and at how much of it."""
