@@ -273,7 +273,8 @@ def main() -> None:
             each = (time.monotonic() - begin) / count
             left = each * (len(missing) - count) / 60
             print(f"{count} of {len(missing)} trials, {each:.1f} s each, {left:.0f} minutes left", file=sys.stderr)
-    write_text(args.out / "faults.md", f"Revision {git_revision()}.\n\n{table(whole_rows(file))}")
+    made = f"The last rows are of revision {git_revision()}, earlier ones as the README says."
+    write_text(args.out / "faults.md", f"{made}\n\n{table(whole_rows(file))}")
 
 
 if __name__ == "__main__":

@@ -209,7 +209,7 @@ def test_only_a_typed_yes_lets_further_programs_listen(
         (["--robot", "ros2"], "namespace"),
         (["--robot", "ros2:/x"], "rclpy"),
         (["--robot-seed", "-1"], "seed: got -1"),
-        (["--realtime", "200"], "a real-time priority of 200"),
+        (["--realtime", "200"], "--realtime: got 200"),
         (["--fault", "tlit@1"], "did you mean 'tilt'"),
         (["--command", "vx=3"], "trained"),
         (["--ramp", "0.5"], "ramp"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stiction_experiments.lab.study import ParallelOptions, Report, Study, Work
@@ -42,7 +42,7 @@ def run(options: PaperOptions, work: Work) -> Report:
     from stiction_experiments.paper.page import report
     from stiction_experiments.paper.results import Results
     from stiction_experiments.paper.rows import WalkRow, Walks
-    from stiction_experiments.paper.work import CurvePoint, LedgerRow, do_missing, learnings
+    from stiction_experiments.paper.work import CurvePoint, LedgerRow, do_missing, learnings, missing_steps
 
     out = work.begin()
     if options.do:
@@ -59,7 +59,9 @@ def run(options: PaperOptions, work: Work) -> Report:
         read_rows(out / "estimator.csv", EstimateRow, optional=True),
         read_rows(out / "configurations.csv", Configuration, optional=True),
     )
-    return report(results, read_rows(out / "profile.csv", ProfileRow, optional=True))
+    step = next(missing_steps(out), None)
+    further = () if step is None else (f"next: {step.name}: stiction {work.verb} --do 1 --out {out}",)
+    return replace(report(results, read_rows(out / "profile.csv", ProfileRow, optional=True)), further=further)
 
 
 STUDY = Study(

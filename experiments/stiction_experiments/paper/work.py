@@ -15,7 +15,7 @@ import subprocess
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import takewhile
+from itertools import islice, takewhile
 from operator import attrgetter
 from pathlib import Path
 from statistics import fmean
@@ -154,25 +154,24 @@ def _in_folder(folder: Path, walk: Callable[[Path], None]) -> None:
     walk(folder)
 
 
-def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> int:
-    """Do at most so many steps that are missing; return how many were done.
+def missing_steps(out: Path, jobs: int = 1) -> Iterator[Step]:
+    """Yield the steps that are not done, in the order of their worth; jobs: walks at once."""
+    known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
+    yield from (step for step in steps(out, known, jobs) if step.product is None or not step.product.exists())
+
+
+def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> None:
+    """Do at most so many steps that are missing.
 
     Raises `StictionError` at the first that fails; what was done before stays.
     """
-    done, revision = 0, str(Origin.now(PACKAGE).provenance["revision"])
-    known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
-    for step in steps(out, known, jobs):
-        if done == most:
-            break
-        if step.product is not None and step.product.exists():
-            continue
+    revision = str(Origin.now(PACKAGE).provenance["revision"])
+    for step in islice(missing_steps(out, jobs), most):
         say(step.name)
         before = _processor_seconds()
         step.do()
         row = LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)
         _add(out / "ledger.csv", [row], ("step",), ".9g")
-        done += 1
-    return done
 
 
 def _processor_seconds() -> float:

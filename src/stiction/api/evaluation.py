@@ -78,7 +78,7 @@ class Evaluated(Result):
         return html_table((*first, *header(ResultRow), *last), rows)
 
     def write(self, folder: Path) -> None:
-        """Write results.csv, methods.csv, following.csv, summary.json, the figures and report.html."""
+        """Write results.csv, methods.csv, summary.json, the figures and report.html."""
         from stiction.evaluation.samples import samples_of
         from stiction.report.evaluation import write_evaluation
 

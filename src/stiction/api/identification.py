@@ -81,7 +81,7 @@ class Identified(Result):
         if (glance := glance_of(self.file, Path())) is None:
             return tuple(self.warnings[:3])
         rows = [", ".join(row) for row in glance_rows(self.file)] if len(self) > 1 else []
-        return (*glance.lines, *rows, "why, and what is not known: .verdict")
+        return (*glance.lines, *rows, "why, and what is not known: result.verdict")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `stiction identify --json` prints, and `joints.json` holds."""

@@ -64,7 +64,7 @@ GROUPS = {
 VIRTUAL = needs("--robot virtual")
 """Requirement of options of the virtual robot."""
 
-UNITREE = needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot.startswith("unitree-"))
+UNITREE = needs("--robot unitree-go:INTERFACE or ros2:/NAMESPACE", lambda cfg: cfg.robot.startswith("unitree-"))
 """Requirement of options of a Unitree robot."""
 
 
@@ -88,7 +88,9 @@ class DeployCfg:
     """Gains of joints that the robot has and the policy does not move, of a Unitree robot."""
     domain: int = field(default=0, metadata=UNITREE)
     """DDS domain of a Unitree robot, 0 to 232; two robots on one network need two."""
-    readers: int = field(default=1, metadata=needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot != "virtual"))
+    readers: int = field(
+        default=1, metadata=needs("--robot unitree-go:INTERFACE or ros2:/NAMESPACE", lambda cfg: cfg.robot != "virtual")
+    )
     """Number of programs that may read the commands, the robot's own included; further ones are refused, or stop it."""
     armed: bool = False
     """Send commands. Without it everything runs but nothing is sent: look at the report and the log first."""
@@ -140,7 +142,8 @@ class DeployCfg:
     stand: bool = field(default=False, metadata=VIRTUAL)
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = field(default=(), metadata=VIRTUAL)
-    """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
+    """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3.
+    `stiction list faults` names them."""
     overwrite: bool = False
     """Write over what a run of other settings left in --out, but for its log: that of a run is never written over; and
     over the file of --report."""

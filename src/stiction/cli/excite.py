@@ -76,6 +76,8 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
     lines = [design.advice, *run_lines(design, out)]
     lines += [f"warning: {text}" for text in design.warnings]
     lines += [f"page: {out / 'report.html'}", f"then: {design.next_command}"]
+    if design.test_condition == "bare_motor":
+        lines.append("with the link on it and the robot in the air, say so: --test-condition in_air")
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
 

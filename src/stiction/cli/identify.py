@@ -45,7 +45,7 @@ may have its own; --init writes one to fill in. With --robot and a log in which 
 its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
 (stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify walk --help` lists
 them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`.
-Exit status 0 where results were written, those of a fit that is not valid too, which say so; 1 where none could be.
+Exit status 1 where nothing could be written, or a fit is not valid, which its results say; else 0.
 
 Examples:
   stiction identify log.csv --kp 30 --kd 0.5 --torque-limit 12 --test-condition in_air

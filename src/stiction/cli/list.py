@@ -1,4 +1,4 @@
-"""`stiction list [robots|policies|engines]`: what there is by name, without a file of yours."""
+"""`stiction list [robots|policies|engines|faults]`: what there is by name, without a file of yours."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Examples:
 class ListCfg:
     """Options of the verb."""
 
-    what: Annotated[Literal["all", "robots", "policies", "engines"], ARGUMENT] = "all"
-    """Kind of listing."""
+    what: Annotated[Literal["all", "robots", "policies", "engines", "faults"], ARGUMENT] = "all"
+    """Kind of listing; `all` is all but the faults."""
     json: bool = False
     """Print the list as JSON on standard output, and nothing else."""
 
@@ -31,7 +31,8 @@ class ListCfg:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     cfg = read_options(ListCfg, arguments, "stiction list", DESCRIPTION)
-    listing = {name: make() for name, (make, _) in KINDS.items() if cfg.what in ("all", name)}
+    kinds = [name for name in KINDS if name != "faults"] if cfg.what == "all" else [cfg.what]
+    listing = {name: KINDS[name][0]() for name in kinds}
     if cfg.json:
         print(json.dumps(listing, indent=2))
         return 0
@@ -91,6 +92,13 @@ def engines() -> list[dict[str, Any]]:
     return rows
 
 
+def faults() -> list[dict[str, Any]]:
+    """Return the faults that `stiction deploy --fault` tries, each with what happens."""
+    from stiction.virtual.faults import FAULTS
+
+    return [{"name": name, "what": what} for name, what in FAULTS.items()]
+
+
 PACKAGES = {"mujoco": "mujoco", "physx": "sapien"}
 """Engine -> the Python package that it needs; the others need a library alone."""
 
@@ -98,5 +106,6 @@ KINDS = {
     "robots": (robots, ("robot", "mass [kg]", "joints", "feet")),
     "policies": (policies, ("policy", "robot", "ground", "friction in training")),
     "engines": (engines, ("engine", "installed", "if not: install it by")),
+    "faults": (faults, ("fault, --fault NAME@SECOND", "what happens")),
 }
 """Kind of listing -> the function that returns its rows, and the headings of its table."""

@@ -468,7 +468,7 @@ def has_coefficient(law: str) -> bool:
 
 def level_text(law: str, level: float) -> str:
     """Return a level for readers: `20 %` of the torque limit, or `c = 0.05`."""
-    return f"c = {level:g}" if has_coefficient(law) else f"{100 * level:g} %"
+    return f"c = {level:g}" if has_coefficient(law) else f"{100 * level:.4g} %"
 
 
 def level_number(law: str, level: float) -> float:

@@ -28,7 +28,7 @@ class LimitsCfg:
         slew, margin = self.resolved(None)
         if not (0 < slew <= 1000 and 0 <= margin <= 1):
             raise ConfigurationError(
-                f"slew {slew} rad/s and margin {margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
+                f"slew and margin: got {slew} rad/s and {margin} rad, expected up to 1000 rad/s and 0 to 1 rad"
             )
 
     def resolved(self, contract: Contract | None) -> tuple[float, float]:
@@ -58,7 +58,7 @@ class SafetyCfg:
     disagree."""
     torque_seconds: float = 0.1
     """Time of that mean [s]."""
-    torque_error: float = 0.25
+    torque_error: float = 0.2
     """Largest difference between a motor's measured torque and what its gains ask for at the measured angle and speed,
     over its limit [1], as a mean over some time: beyond, an angle, or the torque, is another joint's. Not judged where
     a robot does not report torques."""
@@ -85,7 +85,7 @@ class SafetyCfg:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not isinstance(value, bool) and not 0 < value < 1e4:
-                raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
+                raise ConfigurationError(f"--set safety.{name}: got {value}, expected a positive number")
 
 
 @dataclass(frozen=True)
@@ -131,22 +131,22 @@ class SupervisorCfg:
 
     def __post_init__(self) -> None:
         if not 2.0 <= self.ramp <= 60.0:
-            raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
+            raise ConfigurationError(f"ramp: got {self.ramp} s to stand up, expected 2 to 60 s")
         if self.duration is not None and not 0 < self.duration <= 86400:
-            raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
+            raise ConfigurationError(f"--duration: got {self.duration} s, expected up to 86,400 s, one day")
         times = ("hold", "settle", "settle_limit", "stale", "gap", "frozen", "silence", "command_timeout")
         for name in (*times, "first_target", "standing_error"):
             if not 0 < getattr(self, name) <= 10:
-                raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
+                raise ConfigurationError(f"{name}: got {getattr(self, name)}, expected a positive number of at most 10")
         if self.settle_limit < self.settle:
             raise ConfigurationError(
-                f"settle_limit of {self.settle_limit} s: expected {self.settle} s (settle) or more"
+                f"settle_limit: got {self.settle_limit} s, expected {self.settle} s (settle) or more"
             )
         if not 1 <= self.readers <= 1000:
             raise ConfigurationError(f"--readers: got {self.readers}, expected 1 to 1000; count the robot's own")
         if not self.command_timeout < self.command_stop <= 600:
             raise ConfigurationError(
-                f"command_stop of {self.command_stop} s: expected more than command_timeout, {self.command_timeout} s"
+                f"command_stop: got {self.command_stop} s, expected more than command_timeout, {self.command_timeout} s"
             )
 
 
@@ -167,7 +167,7 @@ class OperatorCfg:
 
     def __post_init__(self) -> None:
         if not 0.05 <= self.heartbeat_timeout <= 60:
-            raise ConfigurationError(f"heartbeat_timeout of {self.heartbeat_timeout} s: expected 0.05 to 60 s")
+            raise ConfigurationError(f"--heartbeat-timeout: got {self.heartbeat_timeout} s, expected 0.05 to 60 s")
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,6 @@ class RunCfg:
 
     def __post_init__(self) -> None:
         if not 0 <= self.keep_minutes <= 24 * 60:
-            raise ConfigurationError(f"a log of {self.keep_minutes} minutes: expected 0 to 1440, one day")
+            raise ConfigurationError(f"--keep-minutes: got {self.keep_minutes}, expected 0 to 1440, one day")
         if self.realtime is not None and not 1 <= self.realtime <= 99:
-            raise ConfigurationError(f"a real-time priority of {self.realtime}: expected 1 to 99")
+            raise ConfigurationError(f"--realtime: got {self.realtime}, expected 1 to 99")

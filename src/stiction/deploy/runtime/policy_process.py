@@ -76,7 +76,7 @@ class PolicyProcess:
         elif newest is not None:
             self._running = False
         done = time.monotonic()
-        times |= {"step": done - read, "latency": done - read}
+        times |= {"step": done - read, "latency": done - begin}
         # The targets first: the estimate of wear below must not delay them.
         alive = self._channel.send(done, answer | times)
         self._sent = time.monotonic() - done

@@ -9,7 +9,7 @@ from typing import Any
 from stiction.exchange.physics import Conversion, JointPhysics, Which, notes_of, one_line
 from stiction.exchange.randomization import recipe_of
 
-CAVEATS = "in mjlab's environment, where its cfg is made; the page I train in mjlab says what mjlab cannot hold"
+CAVEATS = "in mjlab's environment, where its cfg is made; docs/trainers.md says which value goes where"
 
 
 def joints_lines(
