@@ -102,6 +102,23 @@ def test_a_run_from_damping_to_damping(
     assert {one["mode_machine"] for one in heard} == ({None} if family == "unitree_go" else {5})
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc, which only Linux has")
+def test_the_watchdog_damps_over_dds_too(tmp_path: Path, domain: int) -> None:
+    """After kill -9 of the supervisor another process writes damping frames with right checksums."""
+    words = [sys.executable, "-m", "stiction", *deploy(tmp_path, domain, "unitree-go", "go1", 60)]
+    with robot("unitree_go", domain) as process:
+        with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
+            wait_until(lambda: len(list((tmp_path / "run/log").glob("readings-*.npz"))) >= 3, "no log came", 120.0)
+            run.kill()
+            line = run.communicate()[1].splitlines()[-1]
+        heard = json.loads(process.communicate("")[0])
+    assert "the supervisor was silent; the watchdog damped the robot for" in line
+    stiff = [one["stiff"] for one in heard]
+    after = heard[len(stiff) - stiff[::-1].index(True) :]
+    assert len(after) > 20 and all(one["damped"] and one["on"] and one["crc"] for one in after)
+
+
 @dataclass(frozen=True)
 class Hasty(SupervisorCfg):
     """A supervisor that waits for the robot no longer than a test does."""
