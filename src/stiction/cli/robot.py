@@ -29,7 +29,7 @@ class CheckCfg:
 
 @dataclass(frozen=True)
 class ShowCfg:
-    """Show a robot: every value with where it came from; draws it standing and writes its complete robot.yaml."""
+    """Show a robot, of a file also where each value came from; draws it standing and writes its complete robot.yaml."""
 
     robot: Annotated[str, ARGUMENT]
     """robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file, a shipped robot, or package.module:ROBOT."""
@@ -124,16 +124,16 @@ def _show(cfg: ShowCfg) -> None:
 
 def _print(derived: Any) -> None:
     """Print a robot's joints, and the origins that are not the same for all of them."""
-    from rich.box import SIMPLE
     from rich.table import Table
 
     from stiction.report.terminal import Terminal
 
     robot, console = derived.robot, Terminal()
-    console.width = max(console.width, 112)
     title = f"{robot.name}: {robot.mass:.4g} kg, stands {robot.standing_height:.3g} m high"
-    table = Table(title=title, title_justify="left", box=SIMPLE)
-    for name in ("joint", "kind", "torque", "armature", "kp", "kd", "limits", "pose", "scale", "axis"):
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+    for name in ("joint", "kind"):
+        table.add_column(name, overflow="fold")
+    for name in ("torque", "armature", "kp", "kd", "limits", "pose", "scale", "axis"):
         table.add_column(name, no_wrap=True)
     for joint, link in zip(robot.joints, robot.links, strict=True):
         motor = (joint.torque_limit, joint.armature, joint.kp, joint.kd)
@@ -169,7 +169,7 @@ Examples:
   stiction robot check robot.yaml
   stiction robot check go2 --json"""
 
-SHOW = """Show a robot: every value with where it came from; draw it standing and write its complete robot.yaml.
+SHOW = """Show a robot, of a file also where each value came from; draw it standing and write its complete robot.yaml.
 
 Examples:
   stiction robot show robot.urdf --out robot
@@ -177,8 +177,9 @@ Examples:
 
 USAGE = """usage: stiction robot check|show|list [--help] [options]
 
-Check a robot's file, show what is known of it and where each value came from, or list the shipped robots. Your own
-robot is a MuJoCo or URDF file with a few lines of robot.yaml beside it; nothing has to be imported.
+Check a robot's file, show what is known of it and where each value came from,
+or list the shipped robots. Your own robot is a MuJoCo or URDF file with a few
+lines of robot.yaml beside it; nothing has to be imported.
 
 Examples:
   stiction robot check robot.yaml
