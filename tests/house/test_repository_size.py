@@ -11,7 +11,7 @@ from stiction.core.records import read_rows
 
 CHECKOUT = Path(__file__).parents[2]
 
-TREE = 43_000_000
+TREE = 38_000_000
 """Largest size of all files together [B]."""
 
 FILE = 700_000
