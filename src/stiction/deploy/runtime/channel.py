@@ -29,7 +29,7 @@ def sight_layout(joints: int) -> Layout:
 
 TIMES = ("lateness", "read", "step", "send", "latency")
 """Times of one step of the policy [s]: behind its deadline; for reading new messages; for observation and network; for
-sending the targets, of the step before; and from having read the sensors to having targets."""
+sending the targets, of the step before; and from beginning to read the sensors to having targets."""
 
 
 def targets_layout(contract: Contract) -> Layout:

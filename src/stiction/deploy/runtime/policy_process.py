@@ -48,14 +48,18 @@ class PolicyProcess:
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
         self._seen: Message | None = None
+        self._taken: Message | None = None
+        """Newest message that a rehearsal took out of the channel."""
         _warm_up(self._loop, bundle)
 
     def rehearse(self) -> None:
-        """Compute a whole step from the last message and forget it: the next one finds code and weights in the cache.
+        """Take what has come, compute a whole step from the last message and forget it.
 
-        A policy that runs every 20 ms and sleeps in between is several times slower without. The twin has the policy's
-        network, and a history, a last action and limits of its own: no target depends on a rehearsal.
+        The next step then reads only what came since, and finds code and weights in the cache. A policy that runs
+        every 20 ms and sleeps in between is several times slower without. The twin has the policy's network, and a
+        history, a last action and limits of its own: no target depends on a rehearsal.
         """
+        self._taken = self._channel.newest() or self._taken
         if self._running and self._seen is not None:
             self._answer(self._twin, self._sights.vectors(self._seen))
 
@@ -65,7 +69,7 @@ class PolicyProcess:
         lateness: time behind the deadline [s]; skipped: number of missed deadlines.
         """
         begin = time.monotonic()
-        newest = self._channel.newest()
+        newest, self._taken = self._channel.newest() or self._taken, None
         read = time.monotonic()
         times = {"lateness": lateness, "read": read - begin, "skipped": skipped, "send": self._sent}
         answer: dict[str, object] = {"mode": IDLE, "failed": 0.0}
