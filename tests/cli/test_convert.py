@@ -62,7 +62,7 @@ def test_mjlab_gets_the_names_of_its_joints(folder: Path, capsys: pytest.Capture
     options = ["--to", "mjlab", "--joint-map", "shank=*_calf_joint", "--friction", "static"]
     assert main(["convert", "./joints.json", *options]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line]
-    assert len(lines) == 3 and lines[0].startswith("# in mjlab's environment") and "I train in mjlab" in lines[0]
+    assert len(lines) == 3 and lines[0].startswith("# in mjlab's environment") and "docs/trainers.md says" in lines[0]
     assert lines[2] == "with_joints(cfg, 'joints.json', joint_map=('shank=*_calf_joint',), friction=\"static\")"
 
 

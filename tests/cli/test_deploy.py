@@ -203,7 +203,7 @@ def test_only_a_typed_yes_lets_further_programs_listen(
         (["--robot", "unitree-go:nowhere0", "--fault", "tilt@1"], "--fault requires --robot virtual"),
         (["--robot", "ros2:/x", "--engine", "ode"], "--engine requires --robot virtual"),
         (["--held.kp", "3"], "--held.kp requires --robot unitree-go:INTERFACE"),
-        (["--gap", "0"], "gap of 0.0"),
+        (["--gap", "0"], "gap: got 0.0"),
         (["--operator.heartbeat-timeout", "1"], "--operator.heartbeat-timeout requires --operator.heartbeat;"),
         (["--robot", "unitree-go:lo"], "maker's order"),
         (["--robot", "ros2"], "namespace"),

@@ -33,7 +33,7 @@ def test_a_dead_angle_and_an_exchanged_joint_are_found(script: ModuleType) -> No
 
 
 def test_only_a_robot_that_lies_fell(script: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Of four walks three ended: one robot lay, one went on upright, and one was stopped by a rule on sensors."""
+    """A robot that went on upright, and one that a rule on sensors stopped, are false alarms; one that lay is none."""
     ends = [("", ""), ("predicted tilt", 3.0), ("predicted tilt", 0.5), ("frozen angle", "")]
     shares = dict.fromkeys(script.SENSORS, 0.1)
     rows = [{"seconds": 900.0, "rule": rule, "largest_tilt": tilt} | shares for rule, tilt in ends]

@@ -255,7 +255,7 @@ class Study(Generic[Chosen]):
 
     question: str
     description: str
-    """Text of `--help`."""
+    """Text of `--help`; `{program}` in it is the words that call the study."""
     options: type[Chosen]
     run: Callable[[Chosen, Work], Report]
     """Does it."""
@@ -272,8 +272,10 @@ class Study(Generic[Chosen]):
 
         """
         program = f"stiction {verb}"
-        example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
-        options = read_options(self.options, arguments, program, self.description + example, groups=self.groups)
+        description = self.description.replace("{program}", program)
+        if "\n  stiction " not in description:
+            description += f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
+        options = read_options(self.options, arguments, program, description, groups=self.groups)
         check_numbers(options)
         check_folder(options.folder)
         command = shlex.join([*program.split(), *arguments])

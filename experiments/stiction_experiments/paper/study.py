@@ -9,10 +9,10 @@ from stiction_experiments.lab.study import ParallelOptions, Report, Study, Work
 
 DESCRIPTION = """Judge every sentence of the paper by the rows in --out, and draw the report. With --do N the next N
 steps that are missing are done before: trainings, policies, nets and walks, in the order of their worth; each leaves
-its file, so that the same command goes on where it was.
+its file, so that the same command goes on where it was. `stiction replicate` and `stiction study paper` are one.
 
 Example:
-  stiction study paper --do 1 --out results/paper"""
+  {program} --do 1 --out results/paper"""
 
 
 @dataclass(frozen=True, kw_only=True)
