@@ -64,7 +64,7 @@ GROUPS = {
 VIRTUAL = needs("--robot virtual")
 """Requirement of options of the virtual robot."""
 
-UNITREE = needs("--robot unitree-go:INTERFACE or ros2:/NAMESPACE", lambda cfg: cfg.robot.startswith("unitree-"))
+UNITREE = needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot.startswith("unitree-"))
 """Requirement of options of a Unitree robot."""
 
 
