@@ -113,25 +113,34 @@ def policy_of(training: Training, seed: int, out: Path) -> Path:
 def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
     """Yield every step whose result may be needed, in the order of the trainings' worth.
 
+    Policies that were trained before walk first, together: a place tells something once all have walked there.
+
     done: names of steps in the ledger; jobs: walks at once.
     """
     yield Step("estimate", partial(_estimate, out), out / "estimator.csv")
-    for training in TRAININGS:
-        walks = {f"walk {name} {training.name}": (name, walk) for name, walk in _walks(training, out, jobs)}
-        missing = [name for name in walks if name not in done]
-        for seed in training.seeds if missing else ():
-            name, policy = f"{training.name}-s{seed}", policy_of(training, seed, out) / "contract.json"
-            if policy.exists():
-                continue
-            net, run = out / "nets" / name, out / "runs" / name
-            if training.net:
-                yield Step(f"net {name}", partial(_make_net, training, seed, net, out, jobs), net / "actuator.npz")
-            yield Step(f"train {name}", partial(_train, training, seed, run, net, out), run / "summary.json")
-            words = ["export", run, "--out", policy.parent]
-            yield Step(f"export {name}", partial(_program, words, run / "train.log"), policy)
-        for name in missing:
-            place, walk = walks[name]
-            yield Step(name, partial(_in_folder, out / "walks" / place / training.name, walk))
+    rank = {place.name: number for number, place in enumerate(PLACES)}
+    for group in ([t for t in TRAININGS if t.trained], *([t] for t in TRAININGS if not t.trained)):
+        walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs)]
+        missing = [each for each in walks if f"walk {each[0]} {each[1].name}" not in done]
+        for training in dict.fromkeys(training for _, training, _ in missing):
+            yield from _trained(training, out, jobs)
+        for name, training, walk in sorted(missing, key=lambda each: rank.get(each[0], len(rank))):
+            folder = out / "walks" / name / training.name
+            yield Step(f"walk {name} {training.name}", partial(_in_folder, folder, walk))
+
+
+def _trained(training: Training, out: Path, jobs: int) -> Iterator[Step]:
+    """Yield the steps to the policies of a training that are not there."""
+    for seed in training.seeds:
+        name, policy = f"{training.name}-s{seed}", policy_of(training, seed, out) / "contract.json"
+        if policy.exists():
+            continue
+        net, run = out / "nets" / name, out / "runs" / name
+        if training.net:
+            yield Step(f"net {name}", partial(_make_net, training, seed, net, out, jobs), net / "actuator.npz")
+        yield Step(f"train {name}", partial(_train, training, seed, run, net, out), run / "summary.json")
+        words = ["export", run, "--out", policy.parent]
+        yield Step(f"export {name}", partial(_program, words, run / "train.log"), policy)
 
 
 def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], None]]]:

@@ -199,7 +199,8 @@ def test_a_net_is_of_the_walks_that_its_name_says() -> None:
 def test_steps_are_in_the_order_of_their_worth(tmp_path):
     """Motors and existing policies come first; a net comes before its training, stairs come after it."""
     names = [step.name for step in steps(tmp_path)]
-    assert names[:2] == ["estimate", "walk mujoco none"] and len(names) == len(set(names))
+    cohort = [f"walk mujoco {name}" for name in ("none", "direct", "deception")]
+    assert names[:4] == ["estimate", *cohort] and len(names) == len(set(names))
     assert names.index("net net-s10") < names.index("train net-s10") < names.index("export net-s10")
     assert names.index("export stairs-net-s12") < names.index("walk stairs-robots stairs-net")
     assert {"walk gait go1-plain", "walk lives none", "walk lives deception"} <= {*names}
