@@ -65,6 +65,7 @@ def test_the_robot_of_the_trials_of_stops_numbers_its_states(monkeypatch: pytest
 
 TRIAL = """import json, sys
 from pathlib import Path
+sys.path.insert(0, ".")  # Not there by itself where PYTHONSAFEPATH is set.
 import stop_trials as of
 
 print(json.dumps(of.attempt("signal SIGTERM", 0, of.prepare(Path(sys.argv[1])), 0, of.PATIENT)))
