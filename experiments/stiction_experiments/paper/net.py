@@ -10,7 +10,6 @@ The folder has the logs and the net; it is an entry of `core.cache`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -37,9 +36,6 @@ from stiction_experiments.actuator.config import BACKWARD, RUNS
 MAKING = (*WALK_CODE, "joints/*.py", "learning/actuator*.py", "stiction_experiments:paper/net.py")
 """Code that decides what the net is."""
 
-Progress = Callable[[str, float], None]
-"""Called with the name of a piece of work and the share of it that is done."""
-
 
 @dataclass(frozen=True)
 class WalkedNet:
@@ -64,7 +60,8 @@ class WalkedNet:
     @property
     def label(self) -> str:
         """Name for people, of robot, policy and torque."""
-        return net_label(Bench(self.engine, self.case, self.spec), self.policy.name, self.torque_source)
+        bench = Bench(self.engine, self.case, self.spec)
+        return f"{bench.label}--{self.policy.name}--{self.torque_source.replace('_', '-')}"
 
     @property
     def key(self) -> str:
@@ -74,15 +71,7 @@ class WalkedNet:
         return key_of([*robot, self.policy.digest, *walks, self.cfg], *MAKING)
 
 
-def net_label(robot: Bench, policy: str, torque_source: TorqueSource) -> str:
-    """Return a net's name for people. robot: as on its bench; policy: name of the one that walks."""
-    side = torque_source.replace("_", "-")
-    return f"{robot.spec.name}--{robot.engine}--{robot.case.label}--{policy}--{side}"
-
-
-def make_net(
-    walked: WalkedNet, folder: Path, command: str, jobs: int = 1, progress: Progress = lambda *_: None
-) -> None:
+def make_net(walked: WalkedNet, folder: Path, command: str, jobs: int = 1) -> None:
     """Let the policy walk and fit the net to its logs, unless the folder has it.
 
     Args:
@@ -90,7 +79,6 @@ def make_net(
         folder: for `logs` and the net's files.
         command: the command line, for the record.
         jobs: processes at once; they do not change the result.
-        progress: see `Progress`.
 
     Raises:
         StictionError: the policy fell at once in nearly every run, or the folder cannot be written.
@@ -102,7 +90,7 @@ def make_net(
     if has_entry(folder, walked.key):
         return
     try:
-        with replaced_folder(folder, "--runs"), publish_entry(folder, walked.key, walked.label) as net:
+        with replaced_folder(folder, "--out"), publish_entry(folder, walked.key, walked.label) as net:
             logs = net / "logs"
             logs.mkdir()
             each = RUNS // (len(walked.commands) * (1 + len(walked.others)))
@@ -112,18 +100,15 @@ def make_net(
                 for name in walked.commands
                 for episode in range(each)
             ]
-            for done, _ in enumerate(spread(log_walk, tasks, jobs), start=1):
-                progress("Actuator Net, log", done / len(tasks))
+            for _ in spread(log_walk, tasks, jobs):
+                pass
             runs = [read_run(file) for file in sorted(logs.glob("*.npz"))]
             if len(runs) < 2:
                 raise PolicyError(
                     f"{walked.policy.name} fell at once on {walked.case.label}: {len(runs)} of {len(tasks)} logs, too "
                     "few for a net; give a policy that walks"
                 )
-            fitted = train_actuator(
-                runs, walked.cfg, command, lambda group, share: progress(f"Actuator Net, {group}", share)
-            )
-            write_trained(net, fitted)
+            write_trained(net, train_actuator(runs, walked.cfg, command))
     except OSError as error:
         raise FileError(f"{folder} cannot be written: {error}; choose another --out") from error
 

@@ -40,13 +40,8 @@ class Rate:
     """Number of walks, or of clusters of walks that depend on each other: pairs of policy and virtual robot."""
 
     @property
-    def share(self) -> float:
-        """Share of all trials [-]."""
-        return self.successes / self.trials
-
-    @property
     def interval(self) -> Interval:
-        """Wilson's 95 % interval of that share."""
+        """Wilson's 95 % interval of the share of all trials."""
         return wilson(self.successes, self.trials)
 
 

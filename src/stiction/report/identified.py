@@ -199,7 +199,7 @@ def _repeats(ranked: Mapping[str, JointRecord]) -> list[str]:
 
 def _coupled(joints: JointsFile) -> tuple[str, ...]:
     """Return the reservation of several joints of one log that no model of the robot tells apart, or none."""
-    own = (record for record in joints.joints.values() if record.diagnostics)
-    identified = [record for record in own if record.diagnostics.get("method") != "walking"]
+    records = [record for record in joints.joints.values() if record.diagnostics]
+    identified = [record for record in records if record.diagnostics.get("method") != "walking"]
     alone = len(identified) > 1 and not any("model_error" in record.diagnostics for record in identified)
     return (COUPLED,) if alone and any(record.test_condition != "bare_motor" for record in identified) else ()
