@@ -11,7 +11,17 @@ from stiction.learning.config import TrainCfg
 from stiction.task.terrain import LENGTH
 from stiction_experiments.actuator.config import RUNS
 from stiction_experiments.paper import climbs, lives
-from stiction_experiments.paper.plan import GAIT_WALKS, GAITS, PLACES, SECONDS, TRAININGS, VIRTUAL, WORN, Training
+from stiction_experiments.paper.plan import (
+    COHORT,
+    GAIT_WALKS,
+    GAITS,
+    PLACES,
+    SECONDS,
+    TRAININGS,
+    VIRTUAL,
+    WORN,
+    Training,
+)
 
 ENGINES = {"mujoco": 0.0131, "physx": 0.3, "ode-webots": 0.5}
 """Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once:
@@ -28,15 +38,14 @@ FITTING = 60.0
 
 def plan_seconds() -> dict[str, float]:
     """Return the processor time of every kind of work of the plan [s]."""
-    trained = [training for training in TRAININGS if not training.trained]
     seeds = {training.name: len(training.seeds) for training in TRAININGS}
     physx = ENGINES["physx"]
     crossing = PATIENCE * LENGTH / parse_command(climbs.COMMAND).speed
     life = lives.life_cfg(VIRTUAL)
     walks = len(life.robots) * len(life.commands) * (life.wear.seconds + life.window)
     return {
-        "trainings": sum(len(training.seeds) * training_seconds(training) for training in trained),
-        "nets": sum(len(t.seeds) * (FITTING + RUNS * SECONDS * physx) for t in trained if t.net),
+        "trainings": sum(len(t.seeds) * training_seconds(t) for t in TRAININGS if t not in COHORT),
+        "nets": sum(len(t.seeds) * (FITTING + RUNS * SECONDS * physx) for t in TRAININGS if t.net),
         "walks": sum(
             seeds[training.name] * len(place.levels) * len(COMMAND_SET) * place.episodes * SECONDS
             * _engine(place.engine) * (2 if place.forward and training.name == "none" else 1)

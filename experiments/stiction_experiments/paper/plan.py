@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 from stiction_experiments.actuator.config import BACKWARD, EVERYWHERE
 
@@ -32,8 +33,6 @@ class Training:
     logged: int = 1
     """Virtual robots whose walks the net is of."""
     preset: str = "quick"
-    trained: bool = False
-    """True for a policy of the cohort of before, which is walked as it is."""
 
     @property
     def walks_flat(self) -> bool:
@@ -84,6 +83,12 @@ NO_PRONK_TERMS = ("base_height", "vertical_velocity", "air_time")
 PLAIN = tuple(word for term in ("trot", "unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
 """Rewards of a quadruped, and none that forbids a pronk."""
 
+STAGES = ("--set", "task.friction.begin=0.6", "--set", "task.friction.stages=5")
+"""Friction that begins at 60 % of a training and grows in five steps."""
+
+MEAN_KEPT = ("--task.friction.range", "0", "2")
+"""A range as wide as that of `deception`, about the mean of `direct`."""
+
 LITERAL = (
     *("--terrain", "mixed", "--physics", "rows", "--teacher.both-ways", "--set", "student.both_ways=true"),
     *("--set", "network.critic_history=true", "--set", "network.terrain_loss=false"),
@@ -97,54 +102,73 @@ LITERAL = (
 )
 """The paper at its word where the presets do what works better; what is left is listed in results/literal."""
 
-TRAININGS: tuple[Training, ...] = (
-    *(
-        Training(name, ("--method", method, "--friction-level", f"{LEVEL:g}"), FIVE, trained=True)
+GROUPS: tuple[tuple[Training, ...], ...] = (
+    tuple(
+        Training(name, ("--method", method, "--friction-level", f"{LEVEL:g}"), FIVE)
         for name, method in (("none", "none"), ("direct", "direct"), ("deception", "deception"))
     ),
-    _net("net", *BACKWARD),
-    _stairs("stairs-none", "--method", "none", "--friction-level", f"{LEVEL:g}"),
-    _stairs("stairs-deception", "--method", "deception", "--friction-level", f"{LEVEL:g}"),
-    _stairs("stairs-net", "--method", "none", "--actuator", "{net}", net=BACKWARD),
-    Training("direct-1", ("--method", "direct")),
-    Training("deception-1", ("--method", "deception")),
-    _unit("direct-effort", "effort", 0.442),
-    _unit("direct-load-5", "load", 0.05),
-    _unit("direct-load-44", "load", 0.442),
-    _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
-    _coulomb("direct-half-later", "direct", "--robot", "saturn_lite@kp=0.5", "--set", "task.friction.begin=0.4"),
-    _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5"),
-    _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2"),
-    _coulomb("direct-weak", "direct", *WEAK),
-    _coulomb("none-weak", "none", *WEAK),
-    _coulomb("direct-sharp", "direct", *SHARP),
-    _coulomb("none-sharp", "none", *SHARP),
-    _coulomb("compensated", "compensation"),
-    _coulomb("fine-tuned", "finetune", "--set", "task.friction.begin=0.75", budget=4),
-    _coulomb("iterative", "iterative", "--set", "task.friction.begin=0.6", "--set", "task.friction.stages=5", budget=4),
-    _coulomb("narrow", "direct", "--task.friction.range", "0.48", "0.72"),
-    _coulomb("mean-kept", "deception", "--task.friction.range", "0", "2"),
-    _coulomb("narrow-3", "direct", "--task.friction.range", "0.48", "0.72", budget=3),
-    _coulomb("mean-kept-3", "deception", "--task.friction.range", "0", "2", budget=3),
-    _coulomb("direct-3", "direct", budget=3),
-    _coulomb("deception-3", "deception", budget=3),
-    _net("net-all", *EVERYWHERE),
-    _net("net-three", *BACKWARD, logged=3),
-    _coulomb("plain", "none", *PLAIN),
-    _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
-    _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
-    _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
-    Training(
-        "literal",
-        (
-            *("--method", "deception", "--task.friction.per", "joint"),
-            *("--set", "task.friction.privileged_unit=0.01", *LITERAL),
-        ),
-        preset="two-phase",
+    (
+        _net("net", *BACKWARD),
+        _net("net-all", *EVERYWHERE),
+        _net("net-three", *BACKWARD, logged=3),
+        Training("deception-1", ("--method", "deception")),
     ),
-    Training("literal-none", ("--method", "none", *LITERAL), preset="two-phase"),
+    (
+        _stairs("stairs-none", "--method", "none", "--friction-level", f"{LEVEL:g}"),
+        _stairs("stairs-deception", "--method", "deception", "--friction-level", f"{LEVEL:g}"),
+        _stairs("stairs-net", "--method", "none", "--actuator", "{net}", net=BACKWARD),
+    ),
+    (
+        Training("direct-1", ("--method", "direct")),
+        _unit("direct-effort", "effort", 0.442),
+        _unit("direct-load-5", "load", 0.05),
+        _unit("direct-load-44", "load", 0.442),
+    ),
+    (
+        _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
+        _coulomb("direct-half-later", "direct", "--robot", "saturn_lite@kp=0.5", "--set", "task.friction.begin=0.4"),
+        _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5"),
+        _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2"),
+    ),
+    (
+        _coulomb("direct-weak", "direct", *WEAK),
+        _coulomb("none-weak", "none", *WEAK),
+        _coulomb("direct-sharp", "direct", *SHARP),
+        _coulomb("none-sharp", "none", *SHARP),
+    ),
+    (
+        _coulomb("compensated", "compensation"),
+        _coulomb("fine-tuned", "finetune", "--set", "task.friction.begin=0.75", budget=4),
+        _coulomb("iterative", "iterative", *STAGES, budget=4),
+    ),
+    (_coulomb("mean-kept", "deception", *MEAN_KEPT),),
+    (
+        _coulomb("plain", "none", *PLAIN),
+        _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
+        _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
+        _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
+    ),
+    (
+        Training(
+            "literal",
+            (
+                *("--method", "deception", "--task.friction.per", "joint"),
+                *("--set", "task.friction.privileged_unit=0.01", *LITERAL),
+            ),
+            preset="two-phase",
+        ),
+        Training("literal-none", ("--method", "none", *LITERAL), preset="two-phase"),
+    ),
+    (
+        _coulomb("mean-kept-3", "deception", *MEAN_KEPT, budget=3),
+        _coulomb("direct-3", "direct", budget=3),
+        _coulomb("deception-3", "deception", budget=3),
+    ),
 )
-"""Every training, in the order of its worth."""
+"""Trainings in the order of their worth; those of a group are trained, and then walk, together. The first is the cohort
+of the whole project."""
+
+COHORT, TRAININGS = GROUPS[0], tuple(chain(*GROUPS))
 
 
 MAIN = ("none", "direct", "deception", "net")

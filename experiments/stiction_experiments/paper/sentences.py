@@ -287,9 +287,9 @@ SENTENCES: tuple[Sentence, ...] = (
     ),
     Sentence(
         *("24", "because easy robots occur", "T"),
-        "worst reach at 20 % over that of `narrow`, at one and three budgets",
+        "worst reach at 20 % over that of `direct`, at one and three budgets",
         lambda r: [
-            _two(f"{name}{long}", (r.at(of.worst_reach, n + long, "mujoco", "0.2") for n in (name, "narrow")))
+            _two(f"{name}{long}", (r.at(of.worst_reach, n + long, "mujoco", "0.2") for n in (name, "direct")))
             for name in ("deception", "mean-kept")
             for long in ("", "-3")
         ],

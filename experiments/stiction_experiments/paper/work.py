@@ -3,6 +3,8 @@
     OUT/runs/NAME-sSEED       the training, resumable       OUT/policies/NAME-sSEED    its policy
     OUT/nets/NAME-sSEED       logs and Actuator Net          OUT/walks/PLACE/NAME       walks of all its seeds, a ledger
 
+Trainings of one group run beside each other, walks of one step do.
+
 What is committed is `ledger.csv` and the rows: `walks.csv`, `curves.csv`, `stairs.csv`, `gait.csv`, `lives.csv`,
 `estimator.csv` and `profile.csv`, to which each step adds its own. Walks in the ledger are done, wherever their
 policies are by now; a policy is trained where one of its walks is missing.
@@ -15,7 +17,7 @@ import subprocess
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, takewhile
+from itertools import groupby, islice, takewhile
 from operator import attrgetter
 from pathlib import Path
 from statistics import fmean
@@ -23,6 +25,8 @@ from typing import Any
 
 from stiction.core.errors import TrainingError
 from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.lifeline import tied
+from stiction.core.parallel import spread
 from stiction.core.provenance import THREADS_VARIABLE, Origin
 from stiction.core.records import make_folder, read_rows, write_rows
 from stiction.deploy.check import check_for_simulation
@@ -42,12 +46,13 @@ from stiction_experiments.paper.gaits import walk_gaits
 from stiction_experiments.paper.lives import life_cfg, live
 from stiction_experiments.paper.net import WalkedNet, make_net
 from stiction_experiments.paper.plan import (
+    COHORT,
     GAIT_WALKS,
     GAITS,
+    GROUPS,
     LEVEL,
     PLACES,
     SECONDS,
-    TRAININGS,
     VIRTUAL,
     WORN,
     Place,
@@ -57,8 +62,8 @@ from stiction_experiments.paper.plan import (
 from stiction_experiments.paper.results import Learning
 from stiction_experiments.paper.rows import walk_row
 
-COHORT = Path("results/following/policies")
-"""Policies that were trained before, as `coulomb20-cohort-NAME-sSEED`, in the working folder."""
+TRAINED = Path("results/following/policies")
+"""Policies of the cohort that were trained before, as `coulomb20-cohort-NAME-sSEED`, in the working folder."""
 
 REWARDS = "--task.rewards.own"
 """Option of reward terms that are named as modules."""
@@ -94,57 +99,71 @@ class CurvePoint:
 
 
 @dataclass(frozen=True)
+class Added:
+    """Rows that a step adds to a file of the folder."""
+
+    file: str
+    rows: Sequence[Any]
+    """Of one kind."""
+    same: tuple[str, ...]
+    """Fields by whose values they replace rows of before."""
+    form: str = ".4g"
+
+
+@dataclass(frozen=True)
 class Step:
     """One piece of work."""
 
     name: str
     """`train none-s10`, `walk physx none`."""
-    do: Callable[[], None]
+    do: Callable[[], Added | None]
     product: Path | None = None
-    """File that is there when it is done; None: it is done when it is in the ledger."""
+    """File that it makes beside its rows, without which it is not done."""
+    alone: bool = True
+    """False of a training: others may run beside it."""
+
+    @property
+    def made(self) -> bool:
+        """True if what it makes is there."""
+        return self.product is None or self.product.exists()
+
+    def timed(self) -> tuple[Added | None, float]:
+        """Do it, and return what it adds, and its processor time [s]."""
+        before = _processor_seconds()
+        return self.do(), _processor_seconds() - before
 
 
 def policy_of(training: Training, seed: int, out: Path) -> Path:
     """Return the folder of a policy: where it was trained before, that of the cohort."""
-    cohort = COHORT / f"coulomb20-cohort-{training.name}-s{seed}"
-    return cohort if training.trained and cohort.is_dir() else out / "policies" / f"{training.name}-s{seed}"
+    trained = TRAINED / f"coulomb20-cohort-{training.name}-s{seed}"
+    return trained if training in COHORT and trained.is_dir() else out / "policies" / f"{training.name}-s{seed}"
 
 
 def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
     """Yield every step whose result may be needed, in the order of the trainings' worth.
 
-    Policies that were trained before walk first, together: a place tells something once all have walked there.
+    Policies of a group walk together, place by place: a place tells something once all have walked there.
 
     done: names of steps in the ledger; jobs: walks at once.
     """
     yield Step("estimate", partial(_estimate, out), out / "estimator.csv")
     rank = {place.name: number for number, place in enumerate(PLACES)}
-    for group in ([t for t in TRAININGS if t.trained], *([t] for t in TRAININGS if not t.trained)):
+    for group in GROUPS:
         walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs)]
         missing = [each for each in walks if f"walk {each[0]} {each[1].name}" not in done]
         for training in dict.fromkeys(training for _, training, _ in missing):
-            yield from _trained(training, out, jobs)
+            for seed in training.seeds:
+                policy = policy_of(training, seed, out)
+                if policy.parent != TRAINED:
+                    train = partial(_train, training, seed, out)
+                    yield Step(f"train {policy.name}", train, policy / "contract.json", alone=False)
         for name, training, walk in sorted(missing, key=lambda each: rank.get(each[0], len(rank))):
             folder = out / "walks" / name / training.name
             yield Step(f"walk {name} {training.name}", partial(_in_folder, folder, walk))
 
 
-def _trained(training: Training, out: Path, jobs: int) -> Iterator[Step]:
-    """Yield the steps to the policies of a training that are not there."""
-    for seed in training.seeds:
-        name, policy = f"{training.name}-s{seed}", policy_of(training, seed, out) / "contract.json"
-        if policy.exists():
-            continue
-        net, run = out / "nets" / name, out / "runs" / name
-        if training.net:
-            yield Step(f"net {name}", partial(_make_net, training, seed, net, out, jobs), net / "actuator.npz")
-        yield Step(f"train {name}", partial(_train, training, seed, run, net, out), run / "summary.json")
-        words = ["export", run, "--out", policy.parent]
-        yield Step(f"export {name}", partial(_program, words, run / "train.log"), policy)
-
-
-def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], None]]]:
-    """Yield each place in which a training walks, with the function that walks there and adds its rows."""
+def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], Added]]]:
+    """Yield each place in which a training walks, with the function that walks there and returns its rows."""
     for place in PLACES:
         if place.takes(training):
             yield place.name, partial(_walk, place, training, out, jobs)
@@ -157,30 +176,32 @@ def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Call
         yield "lives", partial(_wear, training, out, jobs)
 
 
-def _in_folder(folder: Path, walk: Callable[[Path], None]) -> None:
+def _in_folder(folder: Path, walk: Callable[[Path], Added]) -> Added:
     """Walk in a folder, which is made."""
     make_folder(folder)
-    walk(folder)
+    return walk(folder)
 
 
 def missing_steps(out: Path, jobs: int = 1) -> Iterator[Step]:
     """Yield the steps that are not done, in the order of their worth; jobs: walks at once."""
     known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
-    yield from (step for step in steps(out, known, jobs) if step.product is None or not step.product.exists())
+    yield from (step for step in steps(out, known, jobs) if step.name not in known or not step.made)
 
 
 def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> None:
-    """Do at most so many steps that are missing.
+    """Do at most so many steps that are missing; jobs: walks, or trainings, at once.
 
     Raises `StictionError` at the first that fails; what was done before stays.
     """
     revision = str(Origin.now(PACKAGE).provenance["revision"])
-    for step in islice(missing_steps(out, jobs), most):
-        say(step.name)
-        before = _processor_seconds()
-        step.do()
-        row = LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)
-        _add(out / "ledger.csv", [row], ("step",), ".9g")
+    for name, group in groupby(islice(missing_steps(out, jobs), most), lambda step: step.name if step.alone else ""):
+        together = [*group]
+        say(name or ", ".join(step.name for step in together))
+        for number, (added, seconds) in spread(Step.timed, [(step,) for step in together], jobs):
+            if added is not None:
+                _add(out, added)
+            row = LedgerRow(together[number].name, round(seconds, 1), revision)
+            _add(out, Added("ledger.csv", [row], ("step",), ".9g"))
 
 
 def _processor_seconds() -> float:
@@ -191,26 +212,31 @@ def _processor_seconds() -> float:
 
 def _program(words: Sequence[object], log: Path) -> None:
     """Run `stiction` on one thread; what it prints goes to a file. Raises `TrainingError` where it fails."""
+    environment = isolated_environment(**{THREADS_VARIABLE: "1"})
     with log.open("a") as file:
         command = python_module("stiction", words)
-        status = subprocess.run(
-            command, stdout=file, stderr=file, env=isolated_environment(**{THREADS_VARIABLE: "1"}), check=False
-        ).returncode
+        status = subprocess.run(command, stdout=file, stderr=file, check=False, **tied(environment)).returncode
     if status:
         lines = log.read_text(errors="replace").strip().splitlines() or ["it printed nothing"]
         raise TrainingError(f"stiction {words[0]} ended with status {status}: {lines[-1]} (see {log})")
 
 
-def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> None:
-    """Train one seed, or go on with it, and add its learning curve."""
+def _train(training: Training, seed: int, out: Path) -> Added:
+    """Make the policy of one seed, or go on with it, and return its learning curve; the net comes first."""
+    name = f"{training.name}-s{seed}"
+    run, net = out / "runs" / name, out / "nets" / name
+    if training.net and not (net / "actuator.npz").exists():
+        _make_net(training, seed, net, out)
     run.mkdir(parents=True, exist_ok=True)
     words = [str(net) if word == "{net}" else word for word in training.words]
     preset = ["--preset", training.preset, "--video-every", "0"]
     begin: list[object] = ["train", *preset, *words, "--seed", seed, "--out", run]
     resume: list[object] = ["train", "--resume", run, *reward_words(words)]
-    _program(resume if (run / "config.json").exists() else begin, run / "train.log")
+    if not (run / "summary.json").exists():
+        _program(resume if (run / "config.json").exists() else begin, run / "train.log")
+    _program(["export", run, "--out", policy_of(training, seed, out)], run / "train.log")
     metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
-    _add(out / "curves.csv", curve_points(training.name, seed, metrics), ("training", "seed"), ".9g")
+    return Added("curves.csv", curve_points(training.name, seed, metrics), ("training", "seed"), ".9g")
 
 
 def reward_words(words: Sequence[str]) -> list[str]:
@@ -233,25 +259,22 @@ def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]
 
 
 def learnings(curves: Sequence[CurvePoint], ledger: Sequence[LedgerRow]) -> list[Learning]:
-    """Return area and processor time of each training: those of its logs and net belong to it."""
-    seconds, areas = dict[str, float](), dict[tuple[str, int], list[float]]()
-    for row in ledger:
-        kind, _, name = row.step.partition(" ")
-        if kind in ("net", "train"):
-            seconds[name] = seconds.get(name, 0.0) + row.seconds
+    """Return area and processor time of each training; its logs and net belong to it."""
+    seconds = {row.step: row.seconds for row in ledger}
+    areas: dict[tuple[str, int], list[float]] = {}
     for point in curves:
         areas.setdefault((point.training, point.seed), []).append(point.tracking_error)
-    return [Learning(*key, fmean(own), seconds.get(f"{key[0]}-s{key[1]}")) for key, own in areas.items()]
+    return [Learning(*key, fmean(own), seconds.get(f"train {key[0]}-s{key[1]}")) for key, own in areas.items()]
 
 
-def _make_net(training: Training, seed: int, net: Path, out: Path, jobs: int) -> None:
+def _make_net(training: Training, seed: int, net: Path, out: Path) -> None:
     """Let `none` of the same seed walk on its virtual robots, and fit the Actuator Net to the logs."""
-    walker = check_for_simulation(COHORT / f"coulomb20-cohort-none-s{seed}")
+    walker = check_for_simulation(policy_of(COHORT[0], seed, out))
     first, *others = (
         Case(own_robot(seed + number), "all", parse_level(f"{LEVEL:g}")) for number in range(training.logged)
     )
     walked = WalkedNet("physx", first, find_robot("saturn_lite"), walker, commands=training.net, others=tuple(others))
-    make_net(walked, net, f"stiction study paper --out {out}", jobs)
+    make_net(walked, net, f"stiction study paper --out {out}")
 
 
 def _bundles(training: Training, out: Path) -> list[Bundle]:
@@ -259,16 +282,16 @@ def _bundles(training: Training, out: Path) -> list[Bundle]:
     return [check_for_simulation(policy_of(training, seed, out)) for seed in training.seeds]
 
 
-def _add(path: Path, rows: Sequence[Any], same: Sequence[str], form: str = ".4g") -> None:
-    """Add rows, which are of one kind, to a file, in place of those of before with the same values of some fields."""
-    key = attrgetter(*same)
-    replaced = {key(row) for row in rows}
-    before = [row for row in read_rows(path, type(rows[0]), optional=True) if key(row) not in replaced]
-    write_rows(path, [*before, *rows], form=form)
+def _add(out: Path, added: Added) -> None:
+    """Add rows to a file of the folder, in place of those of before with the same values of some fields."""
+    path, key = out / added.file, attrgetter(*added.same)
+    replaced = {key(row) for row in added.rows}
+    before = [row for row in read_rows(path, type(added.rows[0]), optional=True) if key(row) not in replaced]
+    write_rows(path, [*before, *added.rows], form=added.form)
 
 
-def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) -> None:
-    """Walk all seeds of a training in one place, and add their rows."""
+def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) -> Added:
+    """Walk all seeds of a training in one place, and return their rows."""
     bundles, rows = _bundles(training, out), []
     forward = place.forward and training.name == "none"
     for level in place.levels:
@@ -276,24 +299,24 @@ def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) 
         for row in rows_of(walk_grid(bundles, cfg, folder / level, jobs), bundles)[0]:
             fed = "+measured" if "+measured" in row.policy else ""
             rows.append(walk_row(training.name + fed, place.name, level, row))
-    _add(out / "walks.csv", rows, ("training", "place"))
+    return Added("walks.csv", rows, ("training", "place"))
 
 
-def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path) -> None:
-    """Let all seeds of a training cross stairs in one place, and add their rows."""
+def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path) -> Added:
+    """Let all seeds of a training cross stairs in one place, and return their rows."""
     rows = climb(training.name, _bundles(training, out), stairs, folder, jobs)
-    _add(out / "stairs.csv", rows, ("training", "place"))
+    return Added("stairs.csv", rows, ("training", "place"))
 
 
-def _measure_gait(training: Training, out: Path, folder: Path) -> None:
-    """Measure the gait of all seeds of a training, and add their rows; nothing is kept in the folder."""
-    _add(out / "gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS), ("training",))
+def _measure_gait(training: Training, out: Path, _: Path) -> Added:
+    """Measure the gait of all seeds of a training, and return their rows; nothing is kept in the folder."""
+    return Added("gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS), ("training",))
 
 
-def _wear(training: Training, out: Path, jobs: int, folder: Path) -> None:
-    """Let robots wear under all seeds of a training, and add their lives."""
+def _wear(training: Training, out: Path, jobs: int, folder: Path) -> Added:
+    """Let robots wear under all seeds of a training, and return their lives."""
     policies = [policy_of(training, seed, out) for seed in training.seeds]
-    _add(out / "lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs), ("training",))
+    return Added("lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs), ("training",))
 
 
 def _estimate(out: Path) -> None:

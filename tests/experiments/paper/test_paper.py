@@ -2,20 +2,24 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from stiction.core.errors import TrainingError
 from stiction.core.records import read_rows
 from stiction.files.results import ResultRow
 from stiction.learning.arguments import parse
 from stiction_experiments.paper import rows as of
+from stiction_experiments.paper import work
 from stiction_experiments.paper.climbs import STAIRS
 from stiction_experiments.paper.estimator import PARAMETERS, SAMPLED, EstimateRow
 from stiction_experiments.paper.gaits import Gait
 from stiction_experiments.paper.lives import Life
 from stiction_experiments.paper.page import counts, judge
 from stiction_experiments.paper.plan import (
+    FIVE,
     GAITS,
     ON_ROBOTS,
     PLACES,
@@ -29,7 +33,17 @@ from stiction_experiments.paper.results import Learning, Results
 from stiction_experiments.paper.rows import Walks, walk_row
 from stiction_experiments.paper.sentences import SENTENCES, _overall
 from stiction_experiments.paper.study import STUDY
-from stiction_experiments.paper.work import CurvePoint, LedgerRow, curve_points, learnings, steps
+from stiction_experiments.paper.work import (
+    TRAINED,
+    Added,
+    CurvePoint,
+    LedgerRow,
+    Step,
+    curve_points,
+    do_missing,
+    learnings,
+    steps,
+)
 
 
 def row(command: str, *velocity: float, falls: float = 0.0, seed: int = 10) -> ResultRow:
@@ -197,29 +211,59 @@ def test_a_net_is_of_the_walks_that_its_name_says() -> None:
 
 
 def test_steps_are_in_the_order_of_their_worth(tmp_path):
-    """Motors and existing policies come first; a net comes before its training, stairs come after it."""
+    """Motors and existing policies come first; a group trains, each seed beside the others, before it walks."""
     names = [step.name for step in steps(tmp_path)]
     cohort = [f"walk mujoco {name}" for name in ("none", "direct", "deception")]
     assert names[:4] == ["estimate", *cohort] and len(names) == len(set(names))
-    assert names.index("net net-s10") < names.index("train net-s10") < names.index("export net-s10")
-    assert names.index("export stairs-net-s12") < names.index("walk stairs-robots stairs-net")
+    assert names.index("train net-s10") < names.index("train net-three-s12") < names.index("walk mujoco net")
+    assert names.index("walk mujoco net") < names.index("train stairs-none-s10")
+    assert names.index("train stairs-net-s12") < names.index("walk stairs-robots stairs-net")
     assert {"walk gait go1-plain", "walk lives none", "walk lives deception"} <= {*names}
-    assert "walk mujoco stairs-net" not in names and "walk robot-3000 narrow" not in names
+    assert "walk mujoco stairs-net" not in names and "walk robot-3000 mean-kept" not in names
 
 
 def test_what_the_ledger_has_is_not_done_again(tmp_path: Path) -> None:
     """On a new machine, with rows and ledger alone, no walk is repeated and no policy trained whose walks are done."""
     every = [step.name for step in steps(tmp_path)]
-    walks = {name for name in every if name.startswith("walk ") and name.endswith((" none", " narrow"))}
+    walks = {name for name in every if name.startswith("walk ") and name.endswith((" none", " mean-kept"))}
     left = [step.name for step in steps(tmp_path, walks)]
-    assert {*every} - {*left} == walks | {f"{verb} narrow-s{seed}" for verb in ("train", "export") for seed in THREE}
+    trained = [f"{name}-s{seed}" for name, seeds in (("none", FIVE), ("mean-kept", THREE)) for seed in seeds]
+    trained = [name for name in trained if not (TRAINED / f"coulomb20-cohort-{name}").is_dir()]
+    assert {*every} - {*left} == walks | {f"train {name}" for name in trained}
 
 
-def test_the_time_of_a_training_is_that_of_its_net_too() -> None:
-    """Areas 0.5 and 0.3 have a mean of 0.4; 10 s of log and net and 90 s of training are 100 s."""
+def test_what_was_done_before_a_failure_stays(tmp_path: Path, monkeypatch) -> None:
+    """Rows and ledger have what ended; the next call begins at the failure, and again what lost its product."""
+    done: list[str] = []
+
+    def do(name: str) -> Added:
+        if name == "c" and len(done) == 2:
+            raise TrainingError("no")
+        done.append(name)
+        (tmp_path / name).touch()
+        return Added("curves.csv", [CurvePoint(name, 10, 10, 0.5, 0.0, 0.0)], ("training", "seed"))
+
+    def some(out, known, jobs):
+        for name in ("a", "b", "c"):
+            yield Step(name, partial(do, name), out / name, alone=False)
+
+    monkeypatch.setattr(work, "steps", some)
+    said: list[str] = []
+    with pytest.raises(TrainingError):
+        do_missing(tmp_path, 9, 1, said.append)
+    assert done == ["a", "b"] and said == ["a, b, c"]
+    (tmp_path / "a").unlink()
+    done.append("")
+    do_missing(tmp_path, 9, 1, said.append)
+    assert done[3:] == ["a", "c"] and said[1:] == ["a, c"]
+    assert [point.training for point in read_rows(tmp_path / "curves.csv", CurvePoint)] == ["b", "a", "c"]
+    assert [row.step for row in read_rows(tmp_path / "ledger.csv", LedgerRow)] == ["b", "a", "c"]
+
+
+def test_a_training_has_the_area_of_its_curve_and_the_time_of_its_step() -> None:
+    """Areas 0.5 and 0.3 have a mean of 0.4; a training has the time of its step."""
     curves = [CurvePoint("net", 10, 10, 0.5, 0.0, 0.0), CurvePoint("net", 10, 20, 0.3, 0.0, 0.0)]
-    ledger = [LedgerRow("net net-s10", 10.0, "a"), LedgerRow("train net-s10", 90.0, "a")]
-    ledger.append(LedgerRow("walk mujoco net", 500.0, "a"))
+    ledger = [LedgerRow("train net-s10", 100.0, "a"), LedgerRow("walk mujoco net", 500.0, "a")]
     (learning,) = learnings(curves, ledger)
     assert learning == Learning("net", 10, pytest.approx(0.4), 100.0)
 
