@@ -13,8 +13,8 @@ from stiction.core.errors import StictionError
 from stiction.files.actuator import FILE, read_actuator
 from stiction.files.log import JointSignals, Log, LogSetup, write_log
 from stiction.files.walk import WalkHeader, WalkLog, write_walk
-from stiction.joints.net import ActuatorCfg
-from stiction.learning.actuator import error_of, train_actuator, write_trained
+from stiction.joints.net import ActuatorCfg, predict
+from stiction.learning.actuator import train_actuator, write_trained
 from stiction.learning.actuator_data import check_runs, read_run, split_runs
 from stiction.report.training import lead, write_actuator_page
 
@@ -134,8 +134,9 @@ def test_what_is_trained_says_what_it_was_trained_on(tmp_path: Path) -> None:
     assert net.groups == (("FL_hip", "FR_hip"), ("FL_shank", "FR_shank"))
     assert sorted([*net.training, *net.validation]) == ["0.npz", "1.npz", "2.npz", "3.npz"] and len(net.validation) == 1
     assert net.training | net.validation == {run.name: run.sha256 for run in runs}
-    kept = [run for run in runs if run.name in net.validation]
-    assert summary["rmse"]["validation"]["net"] == pytest.approx(error_of(net, kept), rel=1e-9)
+    (kept,) = [run for run in runs if run.name in net.validation]
+    squares = (predict(net, *kept.signals) - kept.torque[net.history :]) ** 2 / kept.torque_limit**2
+    assert summary["rmse"]["validation"]["net"] == pytest.approx(np.sqrt(squares.mean()), rel=1e-9)
     assert summary["rmse"]["validation"]["baseline"] < 1e-6 < summary["rmse"]["validation"]["net"]
     assert summary["commands"]["vx=-0.5"]["training"]["net"] == pytest.approx(summary["rmse"]["training"]["net"])
     assert summary["joints"]["FL_shank"]["coulomb"] == pytest.approx(0.0, abs=1e-5)

@@ -1,1 +1,1 @@
-"""The framework of all experiments: options, folder, parts, claims, page."""
+"""The framework of all experiments: options, folder, parts, page."""

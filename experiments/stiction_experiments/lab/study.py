@@ -2,7 +2,7 @@
 
     STUDY = Study(question, description, options, run)      an entry point, or anywhere on the path
 
-    arguments -> options -> run(options, work) -> Report -> CSV tables, claims.csv, summary.json, figures, report.html
+    arguments -> options -> run(options, work) -> Report -> CSV tables, summary.json, figures, report.html
 
 This module and those that hold a `STUDY` import nothing heavy at the top: `--help` needs neither simulator nor torch.
 """
@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -42,12 +42,11 @@ if TYPE_CHECKING:
 
     from stiction.files.bundle import Bundle
     from stiction.report.page import Section, Sheet
-    from stiction_experiments.lab.claims import Verdict
 
 Summary = Mapping[str, Any]
 """Content of summary.json."""
 
-WRITTEN = ("summary.json", "report.html", "claims.csv", "tables.md")
+WRITTEN = ("summary.json", "report.html", "tables.md")
 """Files of studies; each study writes those for which it has content."""
 
 INPUTS = ("policies", "bundles", "bundle", "robot")
@@ -102,7 +101,7 @@ def recorded(out: Path, work: Work, names: Sequence[str] = ()) -> dict[str, Any]
     for name in names:
         if name not in before:
             raise FileError(f"{path} is none of `stiction {work.verb}`: no {name!r}")
-    unchanged = {name: value for name, value in before.items() if name not in ("schema_version", "claims")}
+    unchanged = {name: value for name, value in before.items() if name != "schema_version"}
     return {"warnings": []} | unchanged | {"judged": work.provenance}
 
 
@@ -216,16 +215,12 @@ class Report:
     """The answer, a sentence that can be read aloud, and further lines: on the page, and printed."""
     tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
-    claims: Sequence[Verdict] = ()
-    """Verdicts on sentences: claims.csv, and a section of the page."""
-    judged: str = ""
-    """Note for readers of the claims."""
     sections: Sequence[Section] = ()
-    """The page without claims and provenance; by default its tables."""
+    """The page without provenance; by default its tables."""
     run: Sequence[Markup] = ()
     """Facts on the run, after command, revision and machine."""
     summary: Summary = field(default_factory=dict)
-    """Entries of summary.json in addition to `Work.provenance`, warnings and claims, or in their place."""
+    """Entries of summary.json in addition to `Work.provenance` and warnings, or in their place."""
     warnings: Sequence[str] = ()
     """Warnings for the reader: printed, on the page, in summary.json."""
     notes: Sequence[str] = ()
@@ -309,12 +304,10 @@ def write_report(out: Path, report: Report, provenance: Summary) -> Summary:
         FileError: something cannot be written.
 
     """
-    tables = dict(report.tables) | ({"claims": report.claims} if report.claims else {})
-    claims = {"claims": [asdict(claim) for claim in report.claims]} if report.claims else {}
-    summary = {**provenance, **claims, **report.summary}
+    summary = {**provenance, **report.summary}
     from stiction.report.page import save_figure
 
-    for name, rows in tables.items():
+    for name, rows in report.tables.items():
         path = out / f"{name}.csv"
         if rows:
             (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
@@ -336,26 +329,16 @@ def write_report(out: Path, report: Report, provenance: Summary) -> Summary:
     return summary
 
 
-def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sheet:
-    """Return what became of each sentence as a table. note: what its reader must know."""
-    from stiction.report.page import Sheet
-
-    rows = tuple((f"“{v.sentence}”", v.outcome, v.criterion, v.evidence) for v in verdicts)
-    return Sheet(title, ("sentence", "outcome", "criterion", "evidence"), rows, note)
-
-
 PAGE = "report.html"
 """Name of the page."""
 
 
 def page_text(report: Report, summary: Summary) -> str:
-    """Return the page: what the study shows, its claims, and what was run."""
+    """Return the page: what the study shows, and what was run."""
     from stiction.report.following import judged_text
     from stiction.report.page import Section, paragraph, render_page, row_table
 
     parts = report.sections or [Section(name, (row_table(rows),)) for name, rows in report.tables.items() if rows]
-    if report.claims:
-        parts = [*parts, Section("What became of each sentence", verdict_sheet(report.claims, report.judged).blocks())]
     took = f", {summary['seconds']:.0f} s" if "seconds" in summary else ""
     revision = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
     again = judged_text(summary)

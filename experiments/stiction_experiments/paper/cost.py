@@ -9,13 +9,13 @@ from stiction.files.velocity import parse_command
 from stiction.learning.arguments import parse
 from stiction.learning.config import TrainCfg
 from stiction.task.terrain import LENGTH
-from stiction_experiments.actuator.config import RUNS
 from stiction_experiments.paper import climbs, lives
 from stiction_experiments.paper.plan import (
     COHORT,
     GAIT_WALKS,
     GAITS,
     PLACES,
+    RUNS,
     SECONDS,
     TRAININGS,
     VIRTUAL,

@@ -10,18 +10,23 @@ import numpy as np
 from stiction.core.errors import RobotError
 from stiction.core.rotation import roll_pitch
 from stiction.evaluation.evaluate import EvaluationCfg, batch_policy, make_rollout
-from stiction.evaluation.metrics import moving_steps
+from stiction.evaluation.metrics import moving_steps, set_share
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.walk import Recording
 from stiction.virtual.drive import Recorder, drive
-from stiction_experiments.gait import measure
 
 COMMAND = "vx=0.5"
 """Commanded velocity of the walks."""
 
 TOUCHES = 0.1
 """Share of a period within which touch-downs happen together [1]."""
+
+SHORTEST = 0.06
+"""A foot that leaves the ground for less than this has bounced or scuffed: no touch-down [s]."""
+
+UNSYNC_WINDOW = 2.0
+"""Windows over which the use of the two groups is compared [s], the H of r_unsync in training."""
 
 
 @dataclass(frozen=True)
@@ -56,23 +61,65 @@ def gait_of(
     contact: feet on the ground, bool, shape (T, N, L); moving: steps that count, bool, (T, N); groups: contact group of
     each foot, (L,); tilt: roll and pitch [rad], (T, N, 2); period: of control [s].
     """
-    gait = measure.measure_gait(contact, moving, groups, period)
-    if gait.stride_frequency is None:
+    if not moving.any():
         return Gait(training, seed, None, None, None, None, None)
-    landings = measure.events(contact, round(measure.SHORTEST / period))
-    frequency = float(np.mean(gait.stride_frequency))
+    steps, landings = contact[moving], touch_downs(contact, round(SHORTEST / period))
+    per_step = float(landings[moving].mean())
     # A foot that never touches down leaves no period, and no touch-down to be counted.
-    window = round(TOUCHES / (frequency * period)) if frequency else 0
-    pronk = measure.together_share([landings], moving, window)
+    window = round(TOUCHES / per_step) if per_step else 0
     return Gait(
         training,
         seed,
-        pronk or 0.0,
-        gait.tripod_share,
-        in_phase_share(contact[moving], groups),
-        gait.one_sidedness,
+        together_share(landings, moving, window) or 0.0,
+        sum(set_share(steps, groups == group) for group in (0, 1)),
+        in_phase_share(steps, groups),
+        imbalance(contact, moving, groups, round(UNSYNC_WINDOW / period)),
         sway(tilt, moving),
     )
+
+
+def touch_downs(contact: np.ndarray, shortest: int) -> np.ndarray:
+    """Return where feet touch down after at least `shortest` steps off the ground, bool, shape (T, N, L).
+
+    How long a foot was up before the first step is not known, so it counts from there.
+    """
+    changes = np.zeros_like(contact)
+    away = np.zeros(contact.shape[1:], int)
+    for step, down in enumerate(contact):
+        changes[step] = down & (away >= max(shortest, 1))
+        away = np.where(down, 0, away + 1)
+    return changes
+
+
+def together_share(touches: np.ndarray, moving: np.ndarray, window: int) -> float | None:
+    """Return the share of touch-downs in moving steps that all feet take part in, within `window` steps.
+
+    touches: bool, shape (T, N, L). Returns None without any.
+    """
+    near = touches.copy()
+    for shift in range(1, window + 1):
+        near[shift:] |= touches[:-shift]
+        near[:-shift] |= touches[shift:]
+    # Partners are looked for in all steps, touch-downs counted in moving ones: one at the edge of a stop has its
+    # partners too.
+    counted = touches & moving[..., None]
+    total = int(counted.sum())
+    return int((counted & near.all(axis=-1, keepdims=True)).sum()) / total if total else None
+
+
+def imbalance(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, window: int) -> float | None:
+    """Return the mean of |n_0 − n_1| / (n_0 + n_1) over robots and windows of `window` steps; None without contacts.
+
+    n_g: contacts of group g's feet in the moving steps of a window, over the number of its feet.
+    """
+    used = contact & moving[..., None]
+    mean = [used[..., groups == group].mean(axis=-1) for group in (0, 1)]
+    values = []
+    for start in range(0, len(contact), window):
+        first, second = (part[start : start + window].sum(axis=0) for part in mean)
+        touched = first + second > 0
+        values += (np.abs(first - second)[touched] / (first + second)[touched]).tolist()
+    return float(np.mean(values)) if values else None
 
 
 def in_phase_share(steps: np.ndarray, groups: np.ndarray) -> float:

@@ -31,7 +31,7 @@ from stiction.robots.model import Robot
 from stiction.virtual.bench import Bench, walk_log
 from stiction.virtual.cases import Case
 from stiction.virtual.trial import World, walk
-from stiction_experiments.actuator.config import BACKWARD, RUNS
+from stiction_experiments.paper.plan import BACKWARD, RUNS
 
 MAKING = (*WALK_CODE, "joints/*.py", "learning/actuator*.py", "stiction_experiments:paper/net.py")
 """Code that decides what the net is."""

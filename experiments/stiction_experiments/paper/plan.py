@@ -5,13 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import chain
 
-from stiction_experiments.actuator.config import BACKWARD, EVERYWHERE
-
 THREE, FIVE = (10, 11, 12), (10, 11, 12, 13, 14)
 """Training seeds: of a sentence about one training; of a difference between two."""
 
 BUDGET = 440
 """Iterations of the preset `quick`."""
+
+BACKWARD = ("vx=-0.2", "vx=-0.35", "vx=-0.5", "vx=-0.65")
+"""Commands of the paper's log: its robot walked backward only. Four speeds, so that runs differ."""
+
+EVERYWHERE = ("vx=0.5", "vx=-0.5", "vy=0.3", "vy=-0.3", "wz=0.5", "wz=-0.5")
+"""Commands of the control: forward, backward, sideways, turns."""
+
+RUNS = 12
+"""Walks in the log of a net: divisible by four commands on three robots, and by six commands on one."""
 
 VIRTUAL = (3000, 3001, 3002, 3003)
 """Virtual robots of the report."""

@@ -104,7 +104,7 @@ class Added:
 
     file: str
     rows: Sequence[Any]
-    """Of one kind."""
+    """Dataclasses of one kind."""
     same: tuple[str, ...]
     """Fields by whose values they replace rows of before."""
     form: str = ".4g"

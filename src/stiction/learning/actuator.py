@@ -275,12 +275,6 @@ def measure(
     return {"rmse": rmse, "joints": joints, "commands": commands}
 
 
-def error_of(net: ActuatorNet, runs: Sequence[LoggedRun]) -> float:
-    """Return a net's root mean square error over runs, of torque over limit, all joints [-]."""
-    squares = [(predict(net, *run.signals) - run.torque[net.history :]) ** 2 / run.torque_limit**2 for run in runs]
-    return float(np.sqrt(np.concatenate(squares).mean()))
-
-
 def _squares(net: ActuatorNet, baseline: Baseline, run: LoggedRun) -> dict[str, np.ndarray]:
     """Return the squared errors of both laws [N² m²], (T - H, J)."""
     torque = run.torque[net.history :]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +14,6 @@ import pytest
 from stiction.cli.main import main
 from stiction.core.records import column
 from stiction.files.bundle import read_bundle, shipped_bundles
-from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.command import find_study, study_names
 from stiction_experiments.lab.study import ParallelOptions, Report, Study, UsageError, Work, namesakes
 
@@ -54,10 +52,7 @@ def run(options: BrakingOptions, work: Work) -> Report:
         for level in options.levels
     ]
     work.progress("braking", 1.0)
-    verdict = Verdict("B1", "Friction <brakes>.", "it comes to rest", "reproduces", f"in {rows[0].time:g} s")
-    return Report(
-        title="Braking", lead=f"It rests after {rows[0].time:g} s.", tables={"braking": rows}, claims=[verdict]
-    )
+    return Report(title="<Braking>", lead=f"It rests after {rows[0].time:g} s.", tables={"braking": rows})
 
 
 STUDY = Study("when a joint comes to rest", "Let a joint come to rest.", BrakingOptions, run)
@@ -66,27 +61,25 @@ NAME = f"{__name__}:STUDY"
 
 
 def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Arguments, table, claims, summary, page and resume come from the framework."""
+    """Arguments, table, summary, page and resume come from the framework."""
     MADE.clear()
     out = tmp_path / "out"
     arguments = ["study", NAME, "--levels", "0.5", "0.25", "--out", str(out)]
     assert main(arguments) == 0
     assert capsys.readouterr().out.splitlines() == ["It rests after 2 s.", f"report: {out / 'report.html'}"]
     assert (out / "braking.csv").read_text() == "level,time\n0.5,2\n0.25,4\n"
-    with (out / "claims.csv").open(newline="") as file:
-        assert [(row["id"], row["outcome"]) for row in csv.DictReader(file)] == [("B1", "reproduces")]
     page = (out / "report.html").read_text()
     for text in (
         "time to rest [s]",
         ">50%<",
         ">4.00<",
-        "Friction &lt;brakes&gt;.",
+        "&lt;Braking&gt;",
         "It rests after 2 s.",
         "--levels 0.5",
     ):
         assert text in page, text
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["claims"][0]["evidence"] == "in 2 s" and summary["warnings"] == []
+    assert summary["warnings"] == []
     assert {"schema_version", "command", "revision", "machine"} <= summary.keys()
     assert MADE == [0.5, 0.25]
     assert main([*arguments, "--json"]) == 0
@@ -128,15 +121,15 @@ def test_policies_that_the_package_has_replaced_are_named() -> None:
 
 def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> None:
     """A study that is not listed would not be found; a misspelt one is told the nearest."""
-    assert {"gait", "damping", "paper"} <= set(study_names())
+    assert {"engines", "damping", "paper"} <= set(study_names())
     assert main(["study", "--help"]) == 0
     listed = capsys.readouterr().out
     assert max(map(len, listed.splitlines())) <= 80
     words = " ".join(listed.split())
     assert all(f"{name} {find_study(name).question}" in words for name in study_names())
     with pytest.raises(SystemExit, match="2"):
-        main(["study", "gayt"])
-    assert "unknown study 'gayt'; did you mean 'gait'?" in capsys.readouterr().err
+        main(["study", "dampin"])
+    assert "unknown study 'dampin'; did you mean 'damping'?" in capsys.readouterr().err
 
 
 def test_a_name_that_is_nearly_a_study_is_told(capsys: pytest.CaptureFixture) -> None:

@@ -1,4 +1,4 @@
-"""The studies of damping and gait as commands: they write what they say, and refuse what they cannot do."""
+"""The studies of damping and physics as commands: they write what they say, and refuse what they cannot do."""
 
 from __future__ import annotations
 
@@ -6,84 +6,17 @@ import csv
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from bundles import make_bundle, make_contract
 from stiction.cli.main import main
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
-
-
-@pytest.fixture
-def walker(tmp_path: Path) -> Path:
-    """A bundle whose training command tells that it was trained without r_trot."""
-    contract = make_contract(command="stiction train --task.rewards.trot 0", seed=3)
-    return make_bundle(tmp_path / "walker", contract)
 
 
 def read(path: Path) -> list[dict[str, str]]:
     """Return the rows of a CSV file."""
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
-
-
-def test_gait_writes_tables_contacts_figure_and_page(walker: Path, tmp_path: Path, capsys) -> None:
-    """Everything that the page shows can be had as numbers."""
-    out = tmp_path / "gait"
-    options = ["--commands", "vx=0.5", "--episodes", "2", "--seconds", "4", "--out", str(out), "--json"]
-    assert main(["study", "gait", str(walker), *options]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert summary["policies"]["walker"]["variant"] == "no-trot"
-    (row,) = read(out / "gaits.csv")
-    assert (row["policy"], row["variant"], row["seed"], row["command"]) == ("walker", "no-trot", "3", "vx=0.5")
-    feet = read(out / "feet.csv")
-    assert [foot["foot"] for foot in feet] == ["FL", "ML", "RL", "FR", "MR", "RR"]
-    assert [foot["group"] for foot in feet] == ["0", "1", "0", "1", "0", "1"]
-    assert len(read(out / "claims.csv")) == 3
-    with np.load(out / "contacts.npz", allow_pickle=False) as contacts:
-        assert contacts["walker vx=0.5"].shape == (100, 6)
-    assert "three-legged hopping" in (out / "report.html").read_text()
-    assert (out / "gait.png").stat().st_size > 1000
-
-
-def test_gait_refuses_what_it_cannot_name_or_measure(walker: Path, bundle: Path, tmp_path: Path, capsys) -> None:
-    """A hand-made bundle does not tell its rewards, standing has no gait, variants are given for all or for none."""
-    out = ["--out", str(tmp_path / "out"), "--episodes", "1", "--seconds", "3"]
-    for arguments, message in (
-        ([str(bundle)], "--variants"),
-        ([str(walker), "--commands", "stand"], "no gait"),
-        ([str(walker), "--variants", "both", "both"], "2 variants for 1"),
-        ([str(walker), str(walker)], "two bundles are called 'walker'"),
-    ):
-        assert main(["study", "gait", *arguments, *out]) == 1
-        assert message in capsys.readouterr().err
-    assert main(["study", "gait"]) == 2
-
-
-def test_policies_of_different_trainings_are_no_seeds(walker: Path, tmp_path: Path, capsys) -> None:
-    """Two training methods, both with the same gait rewards, would pass for two seeds of one training."""
-    command = "stiction train --task.rewards.trot 0"
-    other = make_bundle(tmp_path / "other", make_contract(command=command, seed=4, method="direct"))
-    again = make_bundle(tmp_path / "again", make_contract(command=command, seed=4))
-    options = [
-        "--commands",
-        "vx=0.5",
-        "--episodes",
-        "1",
-        "--seconds",
-        "3",
-        "--out",
-        str(tmp_path / "gait"),
-        "--json",
-        "--overwrite",
-    ]
-    for second, message in ((other, "more than gait rewards and seed"), (again, "not evaluated")):
-        assert main(["study", "gait", str(walker), str(second), *options]) == 0
-        claims = json.loads((tmp_path / "gait" / "summary.json").read_text())["claims"]
-        assert {claim["outcome"] for claim in claims} == {"not tested"}
-        assert all(message in claim["evidence"] for claim in claims)
-    capsys.readouterr()
 
 
 def test_damping_writes_tables_figure_and_page(bundle: Path, tmp_path: Path, capsys) -> None:
@@ -135,7 +68,6 @@ def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_pat
     ("words", "message"),
     [
         (["study", "physics", "--seconds", "nan"], "16 walks of nan s at 0.5 m/s: expected at least 2"),
-        (["study", "gait", "--seconds", "nan"], "nan"),
         (["study", "paper", "--out", "{file}"], "is a file; choose another --out"),
         (["study", "wear", "--out", "{file}/in"], "is a file; choose another --out"),
         (["replicate", "--out", "{file}/in"], "is a file; choose another --out"),

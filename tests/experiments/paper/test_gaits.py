@@ -7,7 +7,7 @@ import pytest
 
 from stiction.deploy.check import check_for_simulation
 from stiction.files.bundle import find_bundle
-from stiction_experiments.paper.gaits import Gait, gait_of, sway, walk_gaits
+from stiction_experiments.paper.gaits import Gait, gait_of, imbalance, sway, together_share, touch_downs, walk_gaits
 
 STEPS, PERIOD = 500, 0.02
 SIX, FOUR = np.array([0, 1, 1, 0, 0, 1]), np.array([0, 1, 1, 0])
@@ -58,6 +58,42 @@ def test_a_robot_that_stands_has_no_gait():
     contact, still = np.ones((STEPS, 1, 6), bool), np.zeros((STEPS, 1), bool)
     gait = gait_of("none", 10, contact, still, SIX, np.zeros((STEPS, 1, 2)), PERIOD)
     assert gait == Gait("none", 10, None, None, None, None, None)
+
+
+def test_a_bounce_is_no_step() -> None:
+    """Two steps off the ground are under 0.06 s, three are not."""
+    contact = np.array([1, 1, 0, 0, 1, 1, 0, 0, 0, 1], bool).reshape(10, 1, 1)
+    assert np.flatnonzero(touch_downs(contact, 3)).tolist() == [9]
+    assert np.flatnonzero(touch_downs(contact, 2)).tolist() == [4, 9]
+
+
+def test_together_means_all_feet_within_the_window() -> None:
+    """Feet that land at steps 5, 6 and 7: within two steps of each other all share, within one only the middle one."""
+    touches = np.zeros((12, 1, 3), bool)
+    touches[[5, 6, 7], 0, [0, 1, 2]] = True
+    moving = np.ones((12, 1), bool)
+    assert together_share(touches, moving, 2) == 1.0
+    assert together_share(touches, moving, 1) == pytest.approx(1 / 3)
+    assert together_share(touches, ~moving, 2) is None
+
+
+def test_imbalance_by_hand() -> None:
+    """Three quarters against one quarter is 0.5; windows in which sides change do not cancel either."""
+    feet, moving = SIX[None] == 0, np.ones((16, 1), bool)
+    three = np.array([1, 1, 1, 0] * 4, bool)[:, None]
+    assert imbalance(np.where(feet, three, ~three)[:, None], moving, SIX, 16) == pytest.approx(0.5)
+    half = np.repeat([True, False], 8)[:, None]
+    turns = np.where(feet, half, ~half)[:, None]
+    assert (imbalance(turns, moving, SIX, 8), imbalance(turns, moving, SIX, 16)) == (1.0, 0.0)
+    assert imbalance(np.zeros_like(turns), moving, SIX, 8) is None
+
+
+def test_only_moving_steps_count() -> None:
+    """A robot that stands on all feet in between has the gait of its walk."""
+    contact = np.stack([(PHASE < 5, PHASE >= 5)[group] for group in SIX], axis=-1)[:, None]
+    contact[300:] = True
+    moving = (np.arange(STEPS) < 300)[:, None]
+    assert gait_of("none", 10, contact, moving, SIX, np.zeros((STEPS, 1, 2)), PERIOD).diagonal == 1.0
 
 
 def test_sway_is_of_roll_and_pitch_together():

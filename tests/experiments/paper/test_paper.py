@@ -248,14 +248,14 @@ def test_what_was_done_before_a_failure_stays(tmp_path: Path, monkeypatch) -> No
             yield Step(name, partial(do, name), out / name, alone=False)
 
     monkeypatch.setattr(work, "steps", some)
-    said: list[str] = []
+    told: list[str] = []
     with pytest.raises(TrainingError):
-        do_missing(tmp_path, 9, 1, said.append)
-    assert done == ["a", "b"] and said == ["a, b, c"]
+        do_missing(tmp_path, 9, 1, told.append)
+    assert done == ["a", "b"] and told == ["a, b, c"]
     (tmp_path / "a").unlink()
     done.append("")
-    do_missing(tmp_path, 9, 1, said.append)
-    assert done[3:] == ["a", "c"] and said[1:] == ["a, c"]
+    do_missing(tmp_path, 9, 1, told.append)
+    assert done[3:] == ["a", "c"] and told[1:] == ["a, c"]
     assert [point.training for point in read_rows(tmp_path / "curves.csv", CurvePoint)] == ["b", "a", "c"]
     assert [row.step for row in read_rows(tmp_path / "ledger.csv", LedgerRow)] == ["b", "a", "c"]
 

@@ -1,1 +1,0 @@
-"""Foot contacts over time, with and without the two gait rewards."""

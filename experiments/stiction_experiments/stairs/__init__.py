@@ -1,1 +1,0 @@
-"""How high a policy climbs, without and with joint friction."""
