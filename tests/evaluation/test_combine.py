@@ -25,6 +25,7 @@ def walks(seed: int = 0, steps: int = 200, robots: int = 3) -> Recording:
         rng.random((steps, robots)) * 900,
         np.ones((steps, robots), bool),
         rng.random((steps, robots)),
+        rng.random((steps, robots)) * 2000,
     )
 
 

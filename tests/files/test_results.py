@@ -22,7 +22,7 @@ def test_the_columns_are_those_of_the_contract() -> None:
     expected = (
         "policy,method,seed,engine,friction_law,friction_level,terrain,command,speed_ratio,tracking_error,fall_rate,"
         "distance,steps_climbed,cost_of_transport,joint_jitter,tripod_share,flight_share,episodes,slowest,fastest,slowest_walk,"
-        "mean_vx,mean_vy,mean_wz"
+        "mean_vx,mean_vy,mean_wz,joint_chatter"
     )
     assert ",".join(COLUMNS) == expected
 
@@ -31,10 +31,10 @@ def test_what_each_robot_reached_is_written_where_robots_were_virtual(tmp_path: 
     """Files of before, and of the robot of the data sheet alone, have no such columns, and are read all the same."""
     path = tmp_path / "results.csv"
     write_results(path, [row()])
-    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-6]) and read_results(path) == [row()]
+    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-7]) and read_results(path) == [row()]
     rows = [row(), row(slowest=0.6, fastest=1.4)]
     write_results(path, rows)
-    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-4]) and read_results(path) == rows
+    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-5]) and read_results(path) == rows
     path.write_text(path.read_text().replace("slowest,fastest", "fastest,slowest"))
     with pytest.raises(StictionError, match="first line"):
         read_results(path)

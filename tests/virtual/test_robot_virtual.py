@@ -109,6 +109,23 @@ def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:
     np.testing.assert_allclose([bound[5] for bound in engine.bounds], 4.5)
 
 
+def test_joints_shake_by_what_their_speed_changes_in_each_physics_step() -> None:
+    """Pushed for 2 ms and pulled for 2 ms a joint is at rest again; it shook all the same, and no more when placed."""
+    fine, coarse = make(period=0.001)[0], make(period=0.004)[0]
+    before, shaken = ZERO, 0.0
+    for torque in (1.0, 1.0, -1.0, -1.0):
+        fine.handle.exchange(push(torque))
+        speed = fine.ground_truth().motion.joint_velocity
+        shaken += float(np.square(speed - before).mean()) / 0.001
+        before = speed.copy()
+    assert fine.ground_truth().shaking == pytest.approx(shaken) and shaken > 0.0
+    coarse.handle.exchange(push(1.0))
+    speed = coarse.ground_truth().motion.joint_velocity
+    assert coarse.ground_truth().shaking == pytest.approx(float(np.square(speed / 4).mean()) * 4 / 0.001, rel=1e-4)
+    fine.place(ZERO, np.zeros(3), UP)
+    assert fine.ground_truth().shaking == 0.0
+
+
 @pytest.mark.parametrize(("load", "watched", "force"), [(0.0, False, 0.0), (0.1, False, 5.0), (0.0, True, 5.0)])
 def test_what_joints_transmit_is_known_to_friction_that_depends_on_it(load: float, watched: bool, force: float) -> None:
     """Without it friction under load would be none; the study of benches may watch it all the same."""

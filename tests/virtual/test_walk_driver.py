@@ -13,9 +13,10 @@ PERIOD = 0.02
 class Counter:
     """Two robots without physics; the second falls in the third step."""
 
-    def __init__(self) -> None:
+    def __init__(self, steps_are_seen: bool = False) -> None:
         """Begin at rest."""
         self.commands: list[np.ndarray] = []
+        self.steps_are_seen = steps_are_seen
 
     def step(self, command: np.ndarray) -> int:
         """Count a step."""
@@ -33,6 +34,7 @@ class Counter:
             joint_velocity=done * np.array([[0.1, 0.3], [0.0, 0.0]]),
             friction=np.array([[1.0, 3.0], [2.0, 2.0]]) * one,
             fallen=np.array([False, done == 3]),
+            shaking=done**2 * np.array([1.0, 0.0]) if self.steps_are_seen else None,
         )
 
 
@@ -62,6 +64,13 @@ def test_a_recording_has_the_columns_of_the_truth() -> None:
     np.testing.assert_allclose(recording.square_acceleration[:, 0], (0.1**2 + 0.3**2) / 2 / PERIOD**2, rtol=1e-5)
     assert recording.friction is not None and recording.friction[0].tolist() == [2.0, 2.0]
     assert recording.upright.tolist() == [[True, True], [True, True], [True, False], [True, False]]
+
+
+def test_a_recording_has_the_chatter_between_control_steps_where_it_is_seen() -> None:
+    """Integrals of 1, 4 and 9 rad²/s³ are 1, 3 and 5 in each period, over its length; a batch has none."""
+    assert record(Counter(), np.zeros((2, 3)), PERIOD, 3).square_chatter is None
+    chatter = record(Counter(steps_are_seen=True), np.zeros((2, 3)), PERIOD, 3).square_chatter
+    np.testing.assert_allclose(chatter, [[1 / PERIOD, 0.0], [3 / PERIOD, 0.0], [5 / PERIOD, 0.0]], rtol=1e-6)
 
 
 @pytest.mark.parametrize("before", [0, 2])

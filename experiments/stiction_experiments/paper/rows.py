@@ -34,8 +34,8 @@ class WalkRow:
     """Smallest ratio of a single walk, over the commanded axes [1]."""
     falls: float
     """Share of walks with a fall [1]."""
-    jitter: float
-    """Root mean square of joint acceleration [rad/s²]."""
+    jitter: float | None
+    """Root mean square of joint acceleration, by physics step [rad/s²]; None in MuJoCo."""
     flight: float | None
     """Share of moving steps with no foot on the ground [1]."""
     follows: bool
@@ -53,7 +53,7 @@ def walk_row(training: str, place: str, friction: str, row: ResultRow) -> WalkRo
     assert verdict is not None and row.mean_vx is not None and row.mean_vy is not None and row.mean_wz is not None
     return WalkRow(
         *(training, row.seed, place, friction, row.command, row.mean_vx, row.mean_vy, row.mean_wz, row.slowest_walk),
-        *(row.fall_rate, row.joint_jitter, row.flight_share, verdict.follows),
+        *(row.fall_rate, row.joint_chatter, row.flight_share, verdict.follows),
     )
 
 
@@ -120,8 +120,8 @@ def fall_rate(rows: Sequence[WalkRow]) -> float:
 
 
 def jitter(rows: Sequence[WalkRow]) -> float:
-    """Return the mean jitter [rad/s²]."""
-    return fmean(row.jitter for row in rows)
+    """Return the mean jitter [rad/s²]; the rows are not of MuJoCo."""
+    return fmean(float("nan") if row.jitter is None else row.jitter for row in rows)
 
 
 def flight(rows: Sequence[WalkRow]) -> float:

@@ -52,6 +52,8 @@ class Metrics:
     """Mean number of stairs passed, up and down; None on ground without stairs."""
     crossed: float | None = None
     """Share of episodes in which the robot crossed its course; None on flat ground."""
+    joint_chatter: float | None = None
+    """As `joint_jitter`, by physics step [rad/s²]; None where not recorded."""
 
     @property
     def mean_velocity(self) -> tuple[float, float, float]:
@@ -87,7 +89,7 @@ def measure(
         fall_rate=float(1.0 - recording.upright[-1].mean()),
         distance=distance,
         cost_of_transport=cost_of_transport(recording, distance, weight),
-        joint_jitter=joint_jitter(recording),
+        joint_jitter=rms_upright(recording, recording.square_acceleration),
         tripod_share=None if groups_share is None else sum(groups_share),
         flight_share=flight,
         group_share=groups_share,
@@ -98,6 +100,7 @@ def measure(
         mean_friction=None if recording.friction is None else float(recording.friction.mean()),
         steps_climbed=steps_climbed,
         crossed=crossed,
+        joint_chatter=None if recording.square_chatter is None else rms_upright(recording, recording.square_chatter),
     )
 
 
@@ -117,8 +120,14 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
     def plain_mean(name: str) -> float:
         return float(np.mean([getattr(episode, name) for episode in episodes]))
 
-    # A robot that had fallen before the measured part has a jitter of zero, which stands for no value.
-    jitter = [episode.joint_jitter**2 for episode in episodes if episode.joint_jitter or not episode.fall_rate]
+    def root_mean_square(name: str) -> float | None:
+        values = [(getattr(episode, name), episode.fall_rate) for episode in episodes]
+        if any(value is None for value, _ in values):
+            return None
+        # A robot that had fallen before the measured part has a jitter of zero, which stands for no value.
+        known = [value**2 for value, fell in values if value or not fell]
+        return float(np.sqrt(np.mean(known))) if known else 0.0
+
     groups = [
         (episode.group_share, episode.moving_share or 0.0) for episode in episodes if episode.group_share is not None
     ]
@@ -130,7 +139,7 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
         fall_rate=plain_mean("fall_rate"),
         distance=plain_mean("distance"),
         cost_of_transport=mean("cost_of_transport", "distance"),
-        joint_jitter=float(np.sqrt(np.mean(jitter))) if jitter else 0.0,
+        joint_jitter=root_mean_square("joint_jitter") or 0.0,
         tripod_share=mean("tripod_share", "moving_share"),
         flight_share=mean("flight_share", "moving_share"),
         group_share=None if first is None or second is None else (first, second),
@@ -141,6 +150,7 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
         mean_friction=mean("mean_friction"),
         steps_climbed=mean("steps_climbed"),
         crossed=mean("crossed"),
+        joint_chatter=root_mean_square("joint_chatter"),
     )
 
 
@@ -184,11 +194,9 @@ def cost_of_transport(recording: Recording, distance: float, weight: float) -> f
     return float(energy / (weight * distance))
 
 
-def joint_jitter(recording: Recording) -> float:
-    """Return the root mean square of joint acceleration, by control period, before falls [rad/s²]; 0 if all fell."""
-    if not recording.upright.any():
-        return 0.0
-    return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
+def rms_upright(recording: Recording, square: np.ndarray) -> float:
+    """Return the root mean of squares, shape (T, N), over the steps before falls; 0 where all fell."""
+    return float(np.sqrt(square[recording.upright].mean())) if recording.upright.any() else 0.0
 
 
 def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:

@@ -85,6 +85,9 @@ class ResultRow:
     """Mean sideways velocity, to the left [m/s]."""
     mean_wz: float | None = field(default=None, metadata=LATER)
     """Mean yaw rate [rad/s]."""
+    joint_chatter: float | None = field(default=None, metadata=LATER)
+    """As `joint_jitter`, by physics step, so that what swings faster is in it [rad/s²]; contacts are too. None in
+    MuJoCo, where many robots walk at once, and in older files."""
 
     @property
     def mean_velocity(self) -> tuple[float, float, float] | None:

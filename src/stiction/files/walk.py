@@ -44,6 +44,9 @@ class Recording:
     """False from the step of a fall on, bool, shape (T, N)."""
     friction: np.ndarray | None = None
     """Dry friction available at the joints, mean over joints [N m], shape (T, N); None if not recorded."""
+    square_chatter: np.ndarray | None = None
+    """As `square_acceleration`, by physics step in place of control step [rad²/s⁴], shape (T, N); None if not
+    recorded."""
 
     @property
     def signals(self) -> dict[str, np.ndarray]:

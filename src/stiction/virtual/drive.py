@@ -44,6 +44,8 @@ class Truth:
     """Bounds of the joints' dry friction [N m], shape (N, J)."""
     fallen: np.ndarray
     """True for robots that have fallen, or blew up in this period, bool, shape (N,)."""
+    shaking: np.ndarray | None = None
+    """As of `virtual.robot.GroundTruth`, shape (N,); None of a batch, which takes its physics steps unseen."""
 
 
 class Walker(Protocol[Step]):
@@ -98,8 +100,10 @@ class Recorder:
             square_acceleration=zeros(),
             upright=zeros(dtype=bool),
             friction=self._friction,
+            square_chatter=None if truth.shaking is None else zeros(),
         )
         self._last_velocity = truth.joint_velocity.copy()
+        self._shaking = 0.0 if truth.shaking is None else truth.shaking
         self.upright = np.ones(num, dtype=bool)
         """True for robots that have not fallen yet, bool, shape (N,)."""
 
@@ -116,6 +120,9 @@ class Recorder:
         recording.square_acceleration[t] = np.square(change).mean(axis=1)
         recording.upright[t] = self.upright
         self._friction[t] = truth.friction.mean(axis=1)
+        if recording.square_chatter is not None and truth.shaking is not None:
+            recording.square_chatter[t] = (truth.shaking - self._shaking) / recording.period
+            self._shaking = truth.shaking
         self._last_velocity = truth.joint_velocity.copy()
         self._count += 1
 
