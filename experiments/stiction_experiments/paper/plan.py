@@ -229,13 +229,13 @@ PLACES: tuple[Place, ...] = (
     Place("mujoco-load", "mujoco", ("0.02", "0.05", "0.1", "0.442"), 8, UNDER_LOAD, law="load"),
     Place("mujoco-effort", "mujoco", ("0.442",), 8, ("direct-effort",), law="effort"),
     Place("physx", "physx", LEVELS[:-1], 2, MAIN),
-    Place("webots", "ode-webots", LEVELS[:-1], 1, MAIN),
     *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS, n, forward=True) for n in VIRTUAL[:2]),
     *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS[:-1], n, forward=True) for n in VIRTUAL[2:]),
     *(Place(f"but-friction-{n}", "physx+rest", ("0",), 1, ("none",), n) for n in VIRTUAL[:2]),
     *(Place(f"friction-{n}", "physx+friction", ROBOT_LEVELS, 1, ("none",), n) for n in VIRTUAL[:2]),
+    Place("webots", "ode-webots", LEVELS[:-1], 1, MAIN),
 )
-"""Every place; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
+"""Every place, in the order of its worth; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
 
 SECONDS = 10.0
 """Length of a walk, of which the last 8 s count [s]."""
