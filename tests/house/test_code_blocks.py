@@ -21,6 +21,7 @@ from code_blocks import MADE, Block, blocks_of, files_of
 from stiction.cli.main import VERBS, main
 from stiction.core import options
 from stiction.joints.friction import LAWS
+from stiction_experiments.lab.command import study_names
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = [
@@ -95,6 +96,15 @@ def test_the_flags_of_every_command_exist(
             if words[0] == "make":
                 rule = rf"^{re.escape(words[1])}:" if len(words) > 1 else "^help:"
                 assert re.search(rule, (CHECKOUT / "Makefile").read_text(), re.MULTILINE), f"{_where(block)}: {words}"
+
+
+def test_every_study_that_is_named_exists() -> None:
+    """A study that went leaves its name in sentences and examples of help, which no parser reads."""
+    code = (path for part in ("src", "experiments") for path in (CHECKOUT / part).rglob("*.py"))
+    pages = (page for page in (*CHECKOUT.glob("*.md"), *CHECKOUT.glob("docs/*.md")) if page.name != "CHANGELOG.md")
+    for path in (*code, *pages):
+        named = re.findall(r"stiction study ([a-z]+)\b(?![.:])", path.read_text())
+        assert {*named} <= {*study_names()}, path
 
 
 @pages

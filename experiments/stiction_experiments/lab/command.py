@@ -16,7 +16,7 @@ WIDTH = 80
 USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:"
 EPILOG = """
 Example:
-  stiction study gait saturn_lite-flat-none-0.2 --out gait
+  stiction study engines --no-walks --out engines
 
 One of your own is `package.module:STUDY`, anywhere on the Python path.
 """

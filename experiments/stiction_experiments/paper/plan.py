@@ -235,7 +235,8 @@ PLACES: tuple[Place, ...] = (
     *(Place(f"friction-{n}", "physx+friction", ROBOT_LEVELS, 1, ("none",), n) for n in VIRTUAL[:2]),
     Place("webots", "ode-webots", LEVELS[:-1], 1, MAIN),
 )
-"""Every place, in the order of its worth; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
+"""Every place, in the order of its worth; `robot-`: all about the robot is its own, `friction-`: its friction alone,
+`but-friction-`: all else."""
 
 SECONDS = 10.0
 """Length of a walk, of which the last 8 s count [s]."""
