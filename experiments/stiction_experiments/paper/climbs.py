@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -66,12 +66,19 @@ STAIRS = (
 """Places with stairs."""
 
 
-def climb(training: str, bundles: Sequence[Bundle], stairs: Stairs, folder: Path, jobs: int = 1) -> list[Climbed]:
+def climb(
+    training: str,
+    bundles: Sequence[Bundle],
+    stairs: Stairs,
+    folder: Path,
+    jobs: int = 1,
+    progress: Callable[[str, float], None] = lambda name, share: None,
+) -> list[Climbed]:
     """Let the policies of a training cross the stairs of a place; folder: of the ledgers, where it goes on."""
     seeds = {bundle.name: bundle.contract.seed for bundle in bundles}
     climbed = []
     for level in stairs.levels:
-        for row in rows_of(walk_grid(bundles, stairs.grid(level), folder / level, jobs), bundles)[1]:
+        for row in rows_of(walk_grid(bundles, stairs.grid(level), folder / level, jobs, progress=progress), bundles)[1]:
             height, place = float(row["terrain"].removeprefix("stairs=")), (stairs.name, level)
             climbed.append(Climbed(training, seeds[row["policy"]], *place, height, row["crossed"]))
     return climbed

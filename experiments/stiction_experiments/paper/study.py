@@ -46,7 +46,7 @@ def run(options: PaperOptions, work: Work) -> Report:
 
     out = work.begin()
     if options.do:
-        do_missing(out, options.do, work.jobs, work.say)
+        do_missing(out, options.do, work.jobs, work.say, work.progress)
     results = Results(
         Walks(read_rows(out / "walks.csv", WalkRow, optional=True)),
         learnings(

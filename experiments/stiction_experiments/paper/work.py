@@ -72,6 +72,14 @@ EVERY = 10
 """Iterations over which a point of a learning curve is the mean."""
 
 
+Progress = Callable[[str, float], None]
+"""Called with what is in work and the share of it that is done."""
+
+
+def no_progress(name: str, share: float) -> None:
+    """Ignore progress."""
+
+
 @dataclass(frozen=True)
 class LedgerRow:
     """One step that was done; a row of ledger.csv."""
@@ -139,17 +147,17 @@ def policy_of(training: Training, seed: int, out: Path) -> Path:
     return trained if training in COHORT and trained.is_dir() else out / "policies" / f"{training.name}-s{seed}"
 
 
-def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
+def steps(out: Path, done: Collection[str] = (), jobs: int = 1, progress: Progress = no_progress) -> Iterator[Step]:
     """Yield every step whose result may be needed, in the order of the trainings' worth.
 
     Policies of a group walk together, place by place: a place tells something once all have walked there.
 
-    done: names of steps in the ledger; jobs: walks at once.
+    done: names of steps in the ledger; jobs: walks at once; progress: of the walks.
     """
     yield Step("estimate", partial(_estimate, out), out / "estimator.csv")
     rank = {place.name: number for number, place in enumerate(PLACES)}
     for group in GROUPS:
-        walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs)]
+        walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs, progress)]
         missing = [each for each in walks if f"walk {each[0]} {each[1].name}" not in done]
         for training in dict.fromkeys(training for _, training, _ in missing):
             for seed in training.seeds:
@@ -162,18 +170,20 @@ def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step
             yield Step(f"walk {name} {training.name}", partial(_in_folder, folder, walk))
 
 
-def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Callable[[Path], Added]]]:
+def _walks(
+    training: Training, out: Path, jobs: int, progress: Progress
+) -> Iterator[tuple[str, Callable[[Path], Added]]]:
     """Yield each place in which a training walks, with the function that walks there and returns its rows."""
     for place in PLACES:
         if place.takes(training):
-            yield place.name, partial(_walk, place, training, out, jobs)
+            yield place.name, partial(_walk, place, training, out, jobs, progress)
     for stairs in STAIRS:
         if training.name in stairs.trainings:
-            yield f"stairs-{stairs.name}", partial(_climb, stairs, training, out, jobs)
+            yield f"stairs-{stairs.name}", partial(_climb, stairs, training, out, jobs, progress)
     if training.name in GAITS:
         yield "gait", partial(_measure_gait, training, out)
     if training.name in WORN:
-        yield "lives", partial(_wear, training, out, jobs)
+        yield "lives", partial(_wear, training, out, jobs, progress)
 
 
 def _in_folder(folder: Path, walk: Callable[[Path], Added]) -> Added:
@@ -182,26 +192,31 @@ def _in_folder(folder: Path, walk: Callable[[Path], Added]) -> Added:
     return walk(folder)
 
 
-def missing_steps(out: Path, jobs: int = 1) -> Iterator[Step]:
-    """Yield the steps that are not done, in the order of their worth; jobs: walks at once."""
+def missing_steps(out: Path, jobs: int = 1, progress: Progress = no_progress) -> Iterator[Step]:
+    """Yield the steps that are not done, in the order of their worth; arguments as of `steps`."""
     known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
-    yield from (step for step in steps(out, known, jobs) if step.name not in known or not step.made)
+    yield from (step for step in steps(out, known, jobs, progress) if step.name not in known or not step.made)
 
 
-def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> None:
+def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None], progress: Progress = no_progress) -> None:
     """Do at most so many steps that are missing; jobs: walks, or trainings, at once.
 
     Raises `StictionError` at the first that fails; what was done before stays.
     """
     revision = str(Origin.now(PACKAGE).provenance["revision"])
-    for name, group in groupby(islice(missing_steps(out, jobs), most), lambda step: step.name if step.alone else ""):
+    for name, group in groupby(
+        islice(missing_steps(out, jobs, progress), most), lambda step: step.name if step.alone else ""
+    ):
         together = [*group]
         say(name or ", ".join(step.name for step in together))
-        for number, (added, seconds) in spread(Step.timed, [(step,) for step in together], jobs):
+        ended = spread(Step.timed, [(step,) for step in together], jobs)
+        for count, (number, (added, seconds)) in enumerate(ended, 1):
             if added is not None:
                 _add(out, added)
             row = LedgerRow(together[number].name, round(seconds, 1), revision)
             _add(out, Added("ledger.csv", [row], ("step",), ".9g"))
+            if not name:
+                progress("trainings", count / len(together))
 
 
 def _processor_seconds() -> float:
@@ -290,21 +305,27 @@ def _add(out: Path, added: Added) -> None:
     write_rows(path, [*before, *added.rows], form=added.form)
 
 
-def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path) -> Added:
+def _walk(place: Place, training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
     """Walk all seeds of a training in one place, and return their rows."""
     bundles, rows = _bundles(training, out), []
     forward = place.forward and training.name == "none"
     for level in place.levels:
         cfg = _grid(place, level, bundles, forward)
-        for row in rows_of(walk_grid(bundles, cfg, folder / level, jobs), bundles)[0]:
+        walks = walk_grid(bundles, cfg, folder / level, jobs, progress=partial(_of_level, progress, level))
+        for row in rows_of(walks, bundles)[0]:
             fed = "+measured" if "+measured" in row.policy else ""
             rows.append(walk_row(training.name + fed, place.name, level, row))
     return Added("walks.csv", rows, ("training", "place"))
 
 
-def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path) -> Added:
+def _of_level(progress: Progress, level: str, engine: str, share: float) -> None:
+    """Say how far the walks under one friction are."""
+    progress(f"{engine}, friction {level}", share)
+
+
+def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
     """Let all seeds of a training cross stairs in one place, and return their rows."""
-    rows = climb(training.name, _bundles(training, out), stairs, folder, jobs)
+    rows = climb(training.name, _bundles(training, out), stairs, folder, jobs, progress)
     return Added("stairs.csv", rows, ("training", "place"))
 
 
@@ -313,10 +334,10 @@ def _measure_gait(training: Training, out: Path, _: Path) -> Added:
     return Added("gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS), ("training",))
 
 
-def _wear(training: Training, out: Path, jobs: int, folder: Path) -> Added:
+def _wear(training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
     """Let robots wear under all seeds of a training, and return their lives."""
     policies = [policy_of(training, seed, out) for seed in training.seeds]
-    return Added("lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs), ("training",))
+    return Added("lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs, progress), ("training",))
 
 
 def _estimate(out: Path) -> None:

@@ -23,7 +23,7 @@ def test_ten_walks_of_every_height_by_trainings_on_stairs():
 def test_rows_of_walks_become_rows_of_stairs(tmp_path: Path, monkeypatch):
     """Each policy, level and height is a row, with the share of its walks that crossed."""
     walked = []
-    monkeypatch.setattr(climbs, "walk_grid", lambda bundles, cfg, folder, jobs: walked.append(folder))
+    monkeypatch.setattr(climbs, "walk_grid", lambda bundles, cfg, folder, jobs, progress: walked.append(folder))
     details = [{"policy": "p", "terrain": "stairs=0.08", "crossed": 0.9}]
     monkeypatch.setattr(climbs, "rows_of", lambda done, bundles: ([], details))
     bundle = SimpleNamespace(name="p", contract=SimpleNamespace(seed=11))

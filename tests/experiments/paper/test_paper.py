@@ -243,7 +243,7 @@ def test_what_was_done_before_a_failure_stays(tmp_path: Path, monkeypatch) -> No
         (tmp_path / name).touch()
         return Added("curves.csv", [CurvePoint(name, 10, 10, 0.5, 0.0, 0.0)], ("training", "seed"))
 
-    def some(out, known, jobs):
+    def some(out, known, jobs, progress):
         for name in ("a", "b", "c"):
             yield Step(name, partial(do, name), out / name, alone=False)
 
