@@ -88,6 +88,8 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
         "all": len(rows),
         "counts": lead,
         "walked": figures["followed"] is not None,
+        "steps": steps_to_ours(results),
+        "levels": LEVELS,
         "sentences": [asdict(row) for row in rows],
         "estimates": [asdict(row) for row in results.estimates],
         "onset": asdict(shipped_onsets()),
@@ -105,6 +107,24 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
         files=lambda out: write_bytes(out / "report.pdf", typed.pdf),
         answer=(lead,),
     )
+
+
+STEPS = ("literal-none", "literal", "none", "deception")
+"""Trainings from the paper's to ours, without friction and with it."""
+
+
+def steps_to_ours(results: Results) -> list[dict[str, str]]:
+    """Return the share of commands followed in MuJoCo, mean over seeds, of the paper's training and of ours.
+
+    A row a training that walked: `training`, and a text for each friction.
+    """
+    rows = []
+    for name in STEPS:
+        seeds = {level: results.at(share_followed, name, "mujoco", level) for level in LEVELS}
+        if all(seeds.values()):
+            shares = {level: f"{100 * fmean(own.values()):.0f} %" for level, own in seeds.items()}
+            rows.append({"training": name, "seeds": str(len(seeds[LEVELS[0]])), **shares})
+    return rows
 
 
 def profile_figure(rows: Sequence[ProfileRow]) -> Figure | None:
