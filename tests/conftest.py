@@ -21,7 +21,7 @@ sys.dont_write_bytecode = False
 LONG = (
     *("cli/test_bundle_verbs.py", "cli/test_deploy.py", "cli/test_excite.py", "cli/test_identify.py"),
     *("cli/test_judge_again.py", "cli/test_train.py", "cli/test_train_actuator.py", "cli/test_walking_verb.py"),
-    *("experiments/actuator/test_actuator_loop.py", "experiments/engines/test_study_engines.py"),
+    *("experiments/engines/test_study_engines.py"),
     "experiments/wear/test_wear_study.py",
     *("api/test_examples.py", "house/test_code_blocks.py"),
     *(

@@ -101,9 +101,10 @@ def test_the_flags_of_every_command_exist(
 def test_every_study_that_is_named_exists() -> None:
     """A study that went leaves its name in sentences and examples of help, which no parser reads."""
     code = (path for part in ("src", "experiments") for path in (CHECKOUT / part).rglob("*.py"))
-    pages = (page for page in (*CHECKOUT.glob("*.md"), *CHECKOUT.glob("docs/*.md")) if page.name != "CHANGELOG.md")
-    for path in (*code, *pages):
-        named = re.findall(r"stiction study ([a-z]+)\b(?![.:])", path.read_text())
+    texts = ("*.md", "docs/*.md", "experiments/*.md", "results/README.md")
+    written = (path for text in texts for path in CHECKOUT.glob(text) if path.name != "CHANGELOG.md")
+    for path in (*code, *written):
+        named = re.findall(r"stiction study ([a-z]+)\b(?!:|\.\w)", path.read_text())
         assert {*named} <= {*study_names()}, path
 
 

@@ -118,12 +118,12 @@ def test_joints_shake_by_what_their_speed_changes_in_each_physics_step() -> None
         speed = fine.ground_truth().motion.joint_velocity
         shaken += float(np.square(speed - before).mean()) / 0.001
         before = speed.copy()
-    assert fine.ground_truth().shaking == pytest.approx(shaken) and shaken > 0.0
+    assert fine.ground_truth().chatter == pytest.approx(shaken) and shaken > 0.0
     coarse.handle.exchange(push(1.0))
     speed = coarse.ground_truth().motion.joint_velocity
-    assert coarse.ground_truth().shaking == pytest.approx(float(np.square(speed / 4).mean()) * 4 / 0.001, rel=1e-4)
+    assert coarse.ground_truth().chatter == pytest.approx(float(np.square(speed / 4).mean()) * 4 / 0.001, rel=1e-4)
     fine.place(ZERO, np.zeros(3), UP)
-    assert fine.ground_truth().shaking == 0.0
+    assert fine.ground_truth().chatter == 0.0
 
 
 @pytest.mark.parametrize(("load", "watched", "force"), [(0.0, False, 0.0), (0.1, False, 5.0), (0.0, True, 5.0)])

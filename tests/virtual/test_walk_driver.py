@@ -34,7 +34,7 @@ class Counter:
             joint_velocity=done * np.array([[0.1, 0.3], [0.0, 0.0]]),
             friction=np.array([[1.0, 3.0], [2.0, 2.0]]) * one,
             fallen=np.array([False, done == 3]),
-            shaking=done**2 * np.array([1.0, 0.0]) if self.steps_are_seen else None,
+            chatter=done**2 * np.array([1.0, 0.0]) if self.steps_are_seen else None,
         )
 
 

@@ -1,9 +1,9 @@
-"""Files that studies alone write and read: cached parts, rows of summaries, and their parts of the advice."""
+"""Files that studies alone write and read: cached parts, and their parts of the advice."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 from stiction.core.cache import DIGEST, read_sealed, sealed
 from stiction.core.files import write_text
 from stiction.files.advice import SCHEMA_VERSION, Source, read_advice
-from stiction.files.results import COLUMNS, LATER_COLUMNS, ResultRow, ends_of
 
 
 def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
@@ -32,18 +31,6 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
     write_text(file, text)
     # What was written and not what was made: tuples are lists, and keys text, the first time as ever after.
     return {name: value for name, value in json.loads(text).items() if name != DIGEST}
-
-
-def row_of(plain: Mapping[str, Any]) -> ResultRow:
-    """Return the row of plain data as in summary.json; the slowest and the fastest robot are taken from its `robots`,
-    if it has these and not those.
-
-    Raises `KeyError` where a column is missing that has always been there.
-    """
-    later: dict[str, Any] = {name: plain.get(name) for name in LATER_COLUMNS}
-    if later["slowest"] is None:
-        later |= ends_of(plain.get("robots", {}).values())
-    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in later} | later)
 
 
 def write_source(path: Path, name: str, source: Source) -> None:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
-from stiction.evaluation.run import walk_grid
+from stiction.evaluation.run import Progress, walk_grid
 from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle
 from stiction_experiments.paper.plan import VIRTUAL
 
 COMMAND = "vx=0.4"
-"""Commanded velocity, as in the study of stairs."""
+"""Commanded velocity."""
 
 
 @dataclass(frozen=True)
@@ -66,19 +67,25 @@ STAIRS = (
 """Places with stairs."""
 
 
+def of_level(progress: Progress, level: str, _: str, share: float) -> None:
+    """Say how far the walks under one friction are."""
+    progress(f"friction {level}", share)
+
+
 def climb(
     training: str,
     bundles: Sequence[Bundle],
     stairs: Stairs,
     folder: Path,
-    jobs: int = 1,
-    progress: Callable[[str, float], None] = lambda name, share: None,
+    jobs: int,
+    progress: Progress,
 ) -> list[Climbed]:
     """Let the policies of a training cross the stairs of a place; folder: of the ledgers, where it goes on."""
     seeds = {bundle.name: bundle.contract.seed for bundle in bundles}
     climbed = []
     for level in stairs.levels:
-        for row in rows_of(walk_grid(bundles, stairs.grid(level), folder / level, jobs, progress=progress), bundles)[1]:
+        watch = partial(of_level, progress, level)
+        for row in rows_of(walk_grid(bundles, stairs.grid(level), folder / level, jobs, progress=watch), bundles)[1]:
             height, place = float(row["terrain"].removeprefix("stairs=")), (stairs.name, level)
             climbed.append(Climbed(training, seeds[row["policy"]], *place, height, row["crossed"]))
     return climbed

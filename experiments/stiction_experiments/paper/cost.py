@@ -23,14 +23,16 @@ from stiction_experiments.paper.plan import (
     Training,
 )
 
-ENGINES = {"mujoco": 0.0131, "physx": 0.3, "ode-webots": 0.5}
-"""Processor time of a second of one robot's walk [1], by engine; in MuJoCo many walk at once:
-1,021 s for 78,000 s of walks of `none` (results/paper/ledger.csv)."""
+ENGINES = {"mujoco": 0.011, "physx": 0.16, "ode-webots": 0.5}
+"""Processor time of a second of one robot's walk [1], by engine (results/paper/ledger.csv); in MuJoCo many walk at
+once."""
 
-STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.79e-4, "physx": 1.2e-3}
-"""Processor time of a training in one phase for each control step of each robot [s], with friction as rows and as
-sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core). In PhysX, a robot at a
-time, 15 s. Machines differ by two; methods, robots and encoders take 0.8 to 1.6 of it."""
+ON_ROBOT = 0.45
+"""The same on a virtual robot, whose physics has steps of 1 ms [1]."""
+
+STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.5e-4, "physx": 1.2e-3}
+"""Processor time of a training in one phase for each control step of each robot [s], with friction as rows, as
+sliders, and in PhysX, a robot at a time. Machines differ by two; methods, robots and encoders take 0.8 to 1.6 of it."""
 
 FITTING = 60.0
 """Processor time of fitting an Actuator Net [s]."""
@@ -39,15 +41,14 @@ FITTING = 60.0
 def plan_seconds() -> dict[str, float]:
     """Return the processor time of every kind of work of the plan [s]."""
     seeds = {training.name: len(training.seeds) for training in TRAININGS}
-    physx = ENGINES["physx"]
     crossing = PATIENCE * LENGTH / parse_command(climbs.COMMAND).speed
     life = lives.life_cfg(VIRTUAL)
     walks = len(life.robots) * len(life.commands) * (life.wear.seconds + life.window)
     return {
         "trainings": sum(len(t.seeds) * training_seconds(t) for t in TRAININGS if t not in COHORT),
-        "nets": sum(len(t.seeds) * (FITTING + RUNS * SECONDS * physx) for t in TRAININGS if t.net),
+        "nets": sum(len(t.seeds) * (FITTING + RUNS * SECONDS * ON_ROBOT) for t in TRAININGS if t.net),
         "walks": sum(
-            seeds[training.name] * len(place.levels) * len(COMMAND_SET) * place.episodes * SECONDS
+            seeds[training.name] * len(place.levels_of(training)) * len(COMMAND_SET) * place.episodes * SECONDS
             * _engine(place.engine) * (2 if place.forward and training.name == "none" else 1)
             for place in PLACES
             for training in TRAININGS
@@ -58,7 +59,7 @@ def plan_seconds() -> dict[str, float]:
             * place.episodes * max(1, len(place.robots)) * crossing * _engine(place.engine)
             for place in climbs.STAIRS
         ),
-        "lives": sum(seeds[name] for name in WORN) * walks * physx,
+        "lives": sum(seeds[name] for name in WORN) * walks * ON_ROBOT,
         "gaits": sum(seeds[name] for name in GAITS) * GAIT_WALKS * SECONDS * ENGINES["mujoco"],
     }  # fmt: skip
 
@@ -78,4 +79,4 @@ def training_seconds(training: Training) -> float:
 
 def _engine(name: str) -> float:
     """Return the processor time of a second of a walk in an engine, perhaps on a virtual robot [1]."""
-    return ENGINES[parse_simulator(name).engine]
+    return ON_ROBOT if "+" in name else ENGINES[parse_simulator(name).engine]

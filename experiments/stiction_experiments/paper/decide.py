@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from stiction.core.statistics import Interval, t_interval
+from stiction.core.statistics import Interval, permutation_p, t_interval
 from stiction_experiments.lab.statistics import difference_interval, exact_interval
 
 Seeds = Mapping[int, float]
@@ -49,13 +49,22 @@ class Test:
     `same`: within `MARGIN`; `above`, `below`: every seed of the first, of `bound`; `share`: ones among the
     first, votes of 0 and 1, are fewer than `bound`."""
     bound: float = 0.0
+    like: Seeds | None = None
+    """Values of a training that differs in friction alone: `below` holds only where none of them is below too."""
     about: str = ""
     """Names of both, for the evidence: `none, deception`."""
 
     @property
     def walked(self) -> bool:
         """True if there are values enough."""
+        if self.like is not None and len(self.like) < FEWEST:
+            return False
         return len(self.first) >= FEWEST and (self.kind in ("above", "below", "share") or len(self.second) >= FEWEST)
+
+    @property
+    def on_its_side(self) -> list[bool]:
+        """Whether each seed of the first lies on the side of the bound that is asked for."""
+        return [(value >= self.bound) == (self.kind == "above") for value in self.first.values()]
 
     @property
     def differences(self) -> np.ndarray:
@@ -68,13 +77,17 @@ class Test:
         return {*self.first} == {*self.second}
 
     def p(self) -> float:
-        """Return the two-sided p of the difference [1]; 1 where all values are the same."""
+        """Return the two-sided p of the difference [1]: of a t test, of a permutation where there is no spread."""
         if self.paired:
             spread = self.differences
-            if np.ptp(spread) == 0.0:
-                return float(spread[0] == 0.0)
-            return float(stats.ttest_1samp(spread, 0.0).pvalue)
-        return float(stats.ttest_ind([*self.first.values()], [*self.second.values()], equal_var=False).pvalue)
+            if np.ptp(spread) > 0.0:
+                return float(stats.ttest_1samp(spread, 0.0).pvalue)
+            # Without spread there is no t: as many signs alike as there are seeds.
+            return 1.0 if spread[0] == 0.0 else 2.0 * 0.5 ** len(spread)
+        first, second = [*self.first.values()], [*self.second.values()]
+        if np.ptp(first) == np.ptp(second) == 0.0:
+            return permutation_p(first, second) or 1.0
+        return float(stats.ttest_ind(first, second, equal_var=False).pvalue)
 
     def interval(self, share: float) -> Interval:
         """Return the interval of the mean difference, or of the share of votes; `walked` is True.
@@ -111,6 +124,11 @@ class Decision:
             yes, votes = sum(test.first.values()), len(test.first)
             return f"{test.label}: {yes:.0f} of {votes}, share {yes / votes:.2f} [{low:.2f}, {high:.2f}]"
         text = f"{test.label}: {spread_text(test.first)}"
+        if test.kind in ("above", "below"):
+            yes = sum(test.on_its_side)
+            text += f", {yes} of {len(test.first)} {test.kind} {test.bound:g}"
+            if yes == len(test.first):
+                text += f", share at least {exact_interval(yes, yes, 0.95)[0]:.2f}"
         if test.second:
             low, high = test.interval(0.9 if test.kind in ("same", "noticeable") else 0.95)
             difference = np.mean([*test.first.values()]) - np.mean([*test.second.values()])
@@ -157,7 +175,9 @@ def _outcome(test: Test, p: float | None) -> Outcome:
         if p >= SIGNIFICANT:
             return "undecided"
         return "holds" if np.mean([*test.first.values()]) > np.mean([*test.second.values()]) else "does not hold"
-    sides = {(value >= test.bound) == (test.kind == "above") for value in test.first.values()}
+    sides = {*test.on_its_side}
+    if sides == {True} and any(value < test.bound for value in (test.like or {}).values()):
+        return "undecided"
     return "undecided" if len(sides) > 1 else "holds" if True in sides else "does not hold"
 
 

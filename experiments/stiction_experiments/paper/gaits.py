@@ -70,7 +70,7 @@ def gait_of(
     return Gait(
         training,
         seed,
-        together_share(landings, moving, window) or 0.0,
+        together_share(landings, moving, window),
         sum(set_share(steps, groups == group) for group in (0, 1)),
         in_phase_share(steps, groups),
         imbalance(contact, moving, groups, round(UNSYNC_WINDOW / period)),
@@ -83,18 +83,18 @@ def touch_downs(contact: np.ndarray, shortest: int) -> np.ndarray:
 
     How long a foot was up before the first step is not known, so it counts from there.
     """
-    changes = np.zeros_like(contact)
+    touches = np.zeros_like(contact)
     away = np.zeros(contact.shape[1:], int)
     for step, down in enumerate(contact):
-        changes[step] = down & (away >= max(shortest, 1))
+        touches[step] = down & (away >= max(shortest, 1))
         away = np.where(down, 0, away + 1)
-    return changes
+    return touches
 
 
-def together_share(touches: np.ndarray, moving: np.ndarray, window: int) -> float | None:
+def together_share(touches: np.ndarray, moving: np.ndarray, window: int) -> float:
     """Return the share of touch-downs in moving steps that all feet take part in, within `window` steps.
 
-    touches: bool, shape (T, N, L). Returns None without any.
+    touches: bool, shape (T, N, L). Returns 0 without any.
     """
     near = touches.copy()
     for shift in range(1, window + 1):
@@ -104,7 +104,7 @@ def together_share(touches: np.ndarray, moving: np.ndarray, window: int) -> floa
     # partners too.
     counted = touches & moving[..., None]
     total = int(counted.sum())
-    return int((counted & near.all(axis=-1, keepdims=True)).sum()) / total if total else None
+    return int((counted & near.all(axis=-1, keepdims=True)).sum()) / total if total else 0.0
 
 
 def imbalance(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, window: int) -> float | None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from stiction.deploy.check import check_for_simulation
+from stiction.evaluation.run import Progress
 from stiction.virtual.robot import Wear
 from stiction_experiments.lab.straight import pace
 from stiction_experiments.wear.lifetimes import Window
@@ -51,7 +52,7 @@ def live(
     cfg: WearCfg,
     folder: Path,
     jobs: int = 1,
-    progress: Callable[[str, float], None] = lambda name, share: None,
+    progress: Progress = lambda name, share: None,
 ) -> list[Life]:
     """Let robots wear under the policies of a training; folder: of one file for every walk, where it goes on.
 

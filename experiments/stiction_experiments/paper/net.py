@@ -17,7 +17,6 @@ from pathlib import Path
 from stiction.core.cache import has_entry, key_of, publish_entry
 from stiction.core.errors import FileError, PolicyError
 from stiction.core.lock import replaced_folder
-from stiction.core.parallel import spread
 from stiction.engines.catalog import make_engine
 from stiction.evaluation.course import FLAT
 from stiction.evaluation.evaluate import WALK_CODE
@@ -71,14 +70,13 @@ class WalkedNet:
         return key_of([*robot, self.policy.digest, *walks, self.cfg], *MAKING)
 
 
-def make_net(walked: WalkedNet, folder: Path, command: str, jobs: int = 1) -> None:
+def make_net(walked: WalkedNet, folder: Path, command: str) -> None:
     """Let the policy walk and fit the net to its logs, unless the folder has it.
 
     Args:
         walked: robot, policy and settings.
         folder: for `logs` and the net's files.
         command: the command line, for the record.
-        jobs: processes at once; they do not change the result.
 
     Raises:
         StictionError: the policy fell at once in nearly every run, or the folder cannot be written.
@@ -86,6 +84,7 @@ def make_net(walked: WalkedNet, folder: Path, command: str, jobs: int = 1) -> No
     """
     from stiction.learning.actuator import train_actuator, write_trained
     from stiction.learning.actuator_data import read_run
+    from stiction.learning.phase import one_torch_thread
 
     if has_entry(folder, walked.key):
         return
@@ -94,21 +93,18 @@ def make_net(walked: WalkedNet, folder: Path, command: str, jobs: int = 1) -> No
             logs = net / "logs"
             logs.mkdir()
             each = RUNS // (len(walked.commands) * (1 + len(walked.others)))
-            tasks = [
-                (replace(walked, case=case), name, number * each + episode, logs)
-                for number, case in enumerate((walked.case, *walked.others))
-                for name in walked.commands
-                for episode in range(each)
-            ]
-            for _ in spread(log_walk, tasks, jobs):
-                pass
+            for number, case in enumerate((walked.case, *walked.others)):
+                for name in walked.commands:
+                    for episode in range(each):
+                        log_walk(replace(walked, case=case), name, number * each + episode, logs)
             runs = [read_run(file) for file in sorted(logs.glob("*.npz"))]
             if len(runs) < 2:
                 raise PolicyError(
-                    f"{walked.policy.name} fell at once on {walked.case.label}: {len(runs)} of {len(tasks)} logs, too "
+                    f"{walked.policy.name} fell at once on {walked.case.label}: {len(runs)} of {RUNS} logs, too "
                     "few for a net; give a policy that walks"
                 )
-            write_trained(net, train_actuator(runs, walked.cfg, command))
+            with one_torch_thread():
+                write_trained(net, train_actuator(runs, walked.cfg, command))
     except OSError as error:
         raise FileError(f"{folder} cannot be written: {error}; choose another --out") from error
 

@@ -61,13 +61,13 @@ def _row(family: str, sentence: Sentence, decisions: Sequence[Decision]) -> Sent
 
 
 def counts(rows: Sequence[SentenceRow]) -> str:
-    """Return how many sentences came out how, as one sentence."""
-    kinds = {"decided": 0, "undecided": 0, "not testable in simulation": 0, "not walked yet": 0}
+    """Return how many sentences came out how, as one sentence; in part: under some of the conditions asked."""
+    kinds = {"decided": 0, "decided in part": 0, "undecided": 0, "not testable in simulation": 0, "not walked yet": 0}
     for row in rows:
         if row.outcome == "not testable":
             kinds["not testable in simulation"] += 1
         elif "holds" in row.outcome or "does not hold" in row.outcome:
-            kinds["decided"] += 1
+            kinds["decided in part" if "undecided" in row.outcome or "not walked" in row.outcome else "decided"] += 1
         else:
             kinds["undecided" if row.outcome.startswith("undecided") else "not walked yet"] += 1
     return f"Of {len(rows)} sentences " + ", ".join(f"{count} {name}" for name, count in kinds.items() if count) + "."
@@ -88,7 +88,7 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
         "all": len(rows),
         "counts": lead,
         "walked": figures["followed"] is not None,
-        "steps": steps_to_ours(results),
+        "steps": shares_by_training(results),
         "levels": LEVELS,
         "sentences": [asdict(row) for row in rows],
         "estimates": [asdict(row) for row in results.estimates],
@@ -109,17 +109,17 @@ def report(results: Results, profile: Sequence[ProfileRow] = ()) -> Report:
     )
 
 
-STEPS = ("literal-none", "literal", "none", "deception")
+PAPER_TO_OURS = ("literal-none", "literal", "none", "deception")
 """Trainings from the paper's to ours, without friction and with it."""
 
 
-def steps_to_ours(results: Results) -> list[dict[str, str]]:
+def shares_by_training(results: Results) -> list[dict[str, str]]:
     """Return the share of commands followed in MuJoCo, mean over seeds, of the paper's training and of ours.
 
-    A row a training that walked: `training`, and a text for each friction.
+    Each row has `training`, `seeds`, and a text for each friction; trainings that have not walked have none.
     """
     rows = []
-    for name in STEPS:
+    for name in PAPER_TO_OURS:
         seeds = {level: results.at(share_followed, name, "mujoco", level) for level in LEVELS}
         if all(seeds.values()):
             shares = {level: f"{100 * fmean(own.values()):.0f} %" for level, own in seeds.items()}

@@ -47,7 +47,7 @@ class Training:
         return "stairs" not in self.words
 
 
-def _coulomb(name: str, method: str, *more: str, seeds: tuple[int, ...] = THREE, budget: int = 1) -> Training:
+def _coulomb(name: str, method: str, *more: str, seeds: tuple[int, ...] = FIVE, budget: int = 1) -> Training:
     """Return a training under Coulomb friction; budget: multiple of the preset's iterations."""
     long = ("--teacher.iterations", str(budget * BUDGET)) if budget > 1 else ()
     return Training(name, ("--method", method, "--friction-level", f"{LEVEL:g}", *more, *long), seeds)
@@ -60,7 +60,7 @@ def _unit(name: str, law: str, coefficient: float) -> Training:
 
 def _net(name: str, *commands: str, logged: int = 1) -> Training:
     """Return a training on an Actuator Net of torque behind the gear."""
-    return Training(name, ("--method", "none", "--actuator", "{net}"), THREE, commands, logged)
+    return Training(name, ("--method", "none", "--actuator", "{net}"), FIVE, commands, logged)
 
 
 def own_robot(seed: int) -> int:
@@ -68,10 +68,10 @@ def own_robot(seed: int) -> int:
     return VIRTUAL[(seed - THREE[0]) % 3]
 
 
-def _stairs(name: str, *words: str, net: tuple[str, ...] = ()) -> Training:
+def _stairs(name: str, *words: str, seeds: tuple[int, ...] = FIVE, net: tuple[str, ...] = ()) -> Training:
     """Return a training on stairs, with the budget of all of them."""
     budget = ("--terrain", "stairs", "--symmetry", "network", "--teacher.iterations", "900")
-    return Training(name, (*words, *budget, "--student.iterations", "170"), THREE, net, preset="two-phase")
+    return Training(name, (*words, *budget, "--student.iterations", "170"), seeds, net, preset="two-phase")
 
 
 WEAK = ("--set", "network.initial_std=0.27")
@@ -90,11 +90,14 @@ NO_PRONK_TERMS = ("base_height", "vertical_velocity", "air_time")
 PLAIN = tuple(word for term in ("trot", "unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
 """Rewards of a quadruped, and none that forbids a pronk."""
 
-STAGES = ("--set", "task.friction.begin=0.6", "--set", "task.friction.stages=5")
-"""Friction that begins at 60 % of a training and grows in five steps."""
+PLAIN_TROT = tuple(word for term in ("unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
+"""The same, with r_trot."""
+
+STAGES = ("--set", "task.friction.begin=0.75", "--set", "task.friction.stages=5")
+"""Friction that begins at three quarters of a training and grows in five steps."""
 
 MEAN_KEPT = ("--task.friction.range", "0", "2")
-"""A range as wide as that of `deception`, about the mean of `direct`."""
+"""A range from zero as that of `deception`, about the mean of `direct`."""
 
 LITERAL = (
     *("--terrain", "mixed", "--physics", "rows", "--teacher.both-ways", "--set", "student.both_ways=true"),
@@ -121,7 +124,7 @@ GROUPS: tuple[tuple[Training, ...], ...] = (
         Training("deception-1", ("--method", "deception")),
     ),
     (
-        _stairs("stairs-none", "--method", "none", "--friction-level", f"{LEVEL:g}"),
+        _stairs("stairs-none", "--method", "none", "--friction-level", f"{LEVEL:g}", seeds=THREE),
         _stairs("stairs-deception", "--method", "deception", "--friction-level", f"{LEVEL:g}"),
         _stairs("stairs-net", "--method", "none", "--actuator", "{net}", net=BACKWARD),
     ),
@@ -134,23 +137,24 @@ GROUPS: tuple[tuple[Training, ...], ...] = (
     (
         _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
         _coulomb("direct-half-later", "direct", "--robot", "saturn_lite@kp=0.5", "--set", "task.friction.begin=0.4"),
-        _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5"),
-        _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2"),
+        _coulomb("none-half", "none", "--robot", "saturn_lite@kp=0.5", seeds=THREE),
+        _coulomb("none-double", "none", "--robot", "saturn_lite@kp=2", seeds=THREE),
     ),
     (
         _coulomb("direct-weak", "direct", *WEAK),
         _coulomb("none-weak", "none", *WEAK),
-        _coulomb("direct-sharp", "direct", *SHARP),
-        _coulomb("none-sharp", "none", *SHARP),
+        _coulomb("direct-sharp", "direct", *SHARP, seeds=THREE),
+        _coulomb("none-sharp", "none", *SHARP, seeds=THREE),
     ),
     (
-        _coulomb("compensated", "compensation"),
-        _coulomb("fine-tuned", "finetune", "--set", "task.friction.begin=0.75", budget=4),
+        _coulomb("compensated", "compensation", seeds=THREE),
+        _coulomb("fine-tuned", "finetune", "--set", "task.friction.begin=0.75", seeds=THREE, budget=4),
         _coulomb("iterative", "iterative", *STAGES, budget=4),
     ),
     (_coulomb("mean-kept", "deception", *MEAN_KEPT),),
     (
         _coulomb("plain", "none", *PLAIN),
+        _coulomb("plain-trot", "none", *PLAIN_TROT),
         _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
         _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
         _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
@@ -166,11 +170,6 @@ GROUPS: tuple[tuple[Training, ...], ...] = (
         ),
         Training("literal-none", ("--method", "none", *LITERAL), preset="two-phase"),
     ),
-    (
-        _coulomb("mean-kept-3", "deception", *MEAN_KEPT, budget=3),
-        _coulomb("direct-3", "direct", budget=3),
-        _coulomb("deception-3", "deception", budget=3),
-    ),
 )
 """Trainings in the order of their worth; those of a group are trained, and then walk, together. The first is the cohort
 of the whole project."""
@@ -181,6 +180,9 @@ COHORT, TRAININGS = GROUPS[0], tuple(chain(*GROUPS))
 MAIN = ("none", "direct", "deception", "net")
 """Trainings that are compared in every engine."""
 
+WHOLE = (*MAIN, "literal", "literal-none")
+"""Trainings that walk under every friction of a place."""
+
 ON_ROBOTS = ("none", "deception", "net", "net-all", "net-three", "iterative")
 """Trainings of which a sentence asks what they do on a virtual robot."""
 
@@ -190,7 +192,7 @@ WORN = ("none", "deception")
 UNDER_LOAD = ("none", "direct-load-5", "direct-load-44")
 """Trainings that walk under friction in proportion to the load."""
 
-GAITS = ("none", "plain", "no-unsync", "go1-plain", "go2-plain")
+GAITS = ("none", "plain", "plain-trot", "no-unsync", "go1-plain", "go2-plain")
 """Trainings whose gait is measured."""
 
 
@@ -211,6 +213,12 @@ class Place:
     """True if `none` also walks with friction fed forward."""
     law: str = "coulomb"
     """Law of the friction of the robot of the data sheet."""
+    few: tuple[str, ...] = ()
+    """Levels of trainings that are not compared in every engine; none: all."""
+
+    def levels_of(self, training: Training) -> tuple[str, ...]:
+        """Return the friction at which a training's policies walk there."""
+        return self.few if self.few and training.name not in WHOLE else self.levels
 
     def takes(self, training: Training) -> bool:
         """Return whether a training's policies walk there."""
@@ -219,24 +227,32 @@ class Place:
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3")
 ROBOT_LEVELS = ("bench", "0.05", "0.1", "0.2")
+RANGE_ENDS = ("0", "0.24")
+LOADS = ("bench+0.02", "bench+0.1")
+"""The paper's friction, and some of the load."""
 
 SEALED, UNSEALED = "0.0098", "0.0029"
 """Friction over the torque limit of the paper's shank with its seals, and with 70 % of it gone [1]."""
 
 PLACES: tuple[Place, ...] = (
-    Place("mujoco", "mujoco", LEVELS, 8),
-    Place("mujoco-fine", "mujoco", (UNSEALED, SEALED, "0.03"), 8, ("none", "none-half", "none-double")),
+    Place("mujoco", "mujoco", LEVELS, 8, few=("0", "0.01", "0.2")),
+    Place("mujoco-fine", "mujoco", (UNSEALED, SEALED, "0.03"), 8, ("none", "none-half", "none-double"), few=(SEALED,)),
     Place("mujoco-load", "mujoco", ("0.02", "0.05", "0.1", "0.442"), 8, UNDER_LOAD, law="load"),
     Place("mujoco-effort", "mujoco", ("0.442",), 8, ("direct-effort",), law="effort"),
     Place("physx", "physx", LEVELS[:-1], 2, MAIN),
-    *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS, n, forward=True) for n in VIRTUAL[:2]),
-    *(Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, ON_ROBOTS[:-1], n, forward=True) for n in VIRTUAL[2:]),
-    *(Place(f"but-friction-{n}", "physx+rest", ("0",), 1, ("none",), n) for n in VIRTUAL[:2]),
-    *(Place(f"friction-{n}", "physx+friction", ROBOT_LEVELS, 1, ("none",), n) for n in VIRTUAL[:2]),
+    *(
+        Place(f"robot-{n}", "physx+all", ROBOT_LEVELS, 1, names, n, forward=True, few=("0.2",))
+        for numbers, names in ((VIRTUAL[:2], ON_ROBOTS), (VIRTUAL[2:], ON_ROBOTS[:-1]))
+        for n in numbers
+    ),
+    *(Place(f"but-friction-{n}", "physx+rest", ("0",), 1, ("none",), n) for n in VIRTUAL),
+    *(Place(f"friction-{n}", "physx+friction", ("bench", "0.1", "0.2"), 1, ("none",), n) for n in VIRTUAL),
     Place("webots", "ode-webots", LEVELS[:-1], 1, MAIN),
+    *(Place(f"loaded-{n}", "physx+all", LOADS, 1, ("none",), n) for n in VIRTUAL),
+    *(Place(f"ends-{n}", "physx+all", RANGE_ENDS, 1, ("deception",), n) for n in VIRTUAL),
 )
-"""Every place, in the order of its worth; `robot-`: all about the robot is its own, `friction-`: its friction alone,
-`but-friction-`: all else."""
+"""Every place, in the order of its worth; `robot-`, `loaded-`, `ends-`: all about the robot is its own, `friction-`:
+its friction alone, `but-friction-`: all else."""
 
 SECONDS = 10.0
 """Length of a walk, of which the last 8 s count [s]."""

@@ -15,6 +15,9 @@ from stiction_experiments.paper.gaits import Gait
 from stiction_experiments.paper.lives import Life
 from stiction_experiments.paper.rows import WalkRow, Walks
 
+HALF = 0.5
+"""Share of touch-downs from which on a gait is a pronk; of a command, that is reached in the course of a training."""
+
 Value = Callable[[Sequence[WalkRow]], float]
 
 
@@ -26,6 +29,9 @@ class Learning:
     seed: int
     area: float
     """Mean tracking error over the control steps of the training [m/s]."""
+    reached: float = 0.0
+    """Iteration at which robots that are told to walk forward first reach half of it; behind the last one where they
+    never do."""
     seconds: float | None = None
     """Processor time of the training, with logs and nets [s]; None where it was trained before."""
 
@@ -56,8 +62,17 @@ class Results:
         return _by_seed(self.stairs, "crossed", training=training, place=place, friction=friction, height=height)
 
     def gait(self, training: str, name: str) -> Seeds:
-        """Return seed -> a number of its gait."""
+        """Return seed -> a number of its gait, of the seeds that walk."""
         return _by_seed(self.gaits, name, training=training)
+
+    def pronk(self, training: str) -> Seeds:
+        """Return seed -> share of touch-downs with all feet; 0 of one that stands still."""
+        return {row.seed: row.pronk or 0.0 for row in self.gaits if row.training == training}
+
+    def trot(self, training: str) -> Seeds:
+        """Return seed -> share of steps in which each contact group is in phase; 0 of a pronk, and of who stands."""
+        own = [row for row in self.gaits if row.training == training]
+        return {row.seed: 0.0 if (row.pronk or 0.0) >= HALF else row.in_phase or 0.0 for row in own}
 
     def life(self, training: str, name: str) -> Seeds:
         """Return seed -> mean over robots and commands of a number of its lives."""

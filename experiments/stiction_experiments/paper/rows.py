@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from math import inf, isnan, nan
 from statistics import fmean
 
 from stiction.files.following import judge_row
@@ -34,8 +34,8 @@ class WalkRow:
     """Smallest ratio of a single walk, over the commanded axes [1]."""
     falls: float
     """Share of walks with a fall [1]."""
-    jitter: float | None
-    """Root mean square of joint acceleration, by physics step [rad/s²]; None in MuJoCo."""
+    chatter: float | None
+    """Root mean square of joint acceleration, by physics step [rad/s²]; None where no step was seen."""
     flight: float | None
     """Share of moving steps with no foot on the ground [1]."""
     follows: bool
@@ -79,7 +79,7 @@ class Walks:
         friction: str,
         commands: Sequence[str] = (),
     ) -> Seeds:
-        """Return seed -> mean over the places of a value of its rows there, of the seeds that walked in each of them.
+        """Return seed -> mean over the places of a value of its rows there, of the seeds of which it is known in each.
 
         commands: those that count, by their labels; none: all.
         """
@@ -89,7 +89,8 @@ class Walks:
             for row in self._cells.get((training, place, friction), ()):
                 if not commands or row.command in commands:
                     own.setdefault(row.seed, []).append(row)
-            each.append({seed: value(rows) for seed, rows in own.items()})
+            values = {seed: value(rows) for seed, rows in own.items()}
+            each.append({seed: number for seed, number in values.items() if not isnan(number)})
         seeds = set.intersection(*(set(values) for values in each)) if each else set()
         return {seed: fmean(values[seed] for values in each) for seed in sorted(seeds)}
 
@@ -100,8 +101,8 @@ def share_followed(rows: Sequence[WalkRow]) -> float:
 
 
 def deviation(rows: Sequence[WalkRow]) -> float:
-    """Return the mean over commanded axes and commands of |ratio - 1| [1]."""
-    return fmean(abs(ratio - 1.0) for row in rows for ratio in row.ratios)
+    """Return the mean over commands of |ratio - 1|, the mean over commanded axes [1]."""
+    return fmean(fmean(abs(ratio - 1.0) for ratio in row.ratios) for row in rows if row.ratios)
 
 
 def worst_reach(rows: Sequence[WalkRow]) -> float:
@@ -119,9 +120,9 @@ def fall_rate(rows: Sequence[WalkRow]) -> float:
     return fmean(row.falls for row in rows)
 
 
-def jitter(rows: Sequence[WalkRow]) -> float:
-    """Return the mean jitter [rad/s²]; the rows are not of MuJoCo."""
-    return fmean(float("nan") if row.jitter is None else row.jitter for row in rows)
+def chatter(rows: Sequence[WalkRow]) -> float:
+    """Return the mean of the joints' acceleration [rad/s²]; NaN where it is not known of a row, or a robot fell."""
+    return fmean(nan if row.chatter is None or row.falls else row.chatter for row in rows)
 
 
 def flight(rows: Sequence[WalkRow]) -> float:
@@ -129,6 +130,6 @@ def flight(rows: Sequence[WalkRow]) -> float:
     return fmean(row.flight or 0.0 for row in rows)
 
 
-def standing_speed(rows: Sequence[WalkRow]) -> float:
-    """Return the largest planar speed of the mean while standing is commanded [m/s]; infinite after a fall."""
+def planar_speed(rows: Sequence[WalkRow]) -> float:
+    """Return the largest planar speed of the mean [m/s]; infinite after a fall."""
     return max(inf if row.falls else (row.mean_vx**2 + row.mean_vy**2) ** 0.5 for row in rows)

@@ -23,16 +23,17 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from stiction.core.errors import TrainingError
+from stiction.core.errors import StictionError, TrainingError
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
+from stiction.core.memory import check_memory
 from stiction.core.parallel import spread
 from stiction.core.provenance import THREADS_VARIABLE, Origin
 from stiction.core.records import make_folder, read_rows, write_rows
 from stiction.deploy.check import check_for_simulation
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
-from stiction.evaluation.run import walk_grid
+from stiction.evaluation.run import Progress, walk_grid
 from stiction.evaluation.summary import commands_for
 from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle
@@ -40,7 +41,7 @@ from stiction.files.results import read_metrics
 from stiction.robots.catalog import find_robot
 from stiction.virtual.cases import Case, parse_level
 from stiction_experiments import PACKAGE
-from stiction_experiments.paper.climbs import STAIRS, Stairs, climb
+from stiction_experiments.paper.climbs import STAIRS, Stairs, climb, of_level
 from stiction_experiments.paper.estimator import DRAWS, TABLE, draw_motor, estimate_rows, profile_rows
 from stiction_experiments.paper.gaits import walk_gaits
 from stiction_experiments.paper.lives import life_cfg, live
@@ -59,7 +60,7 @@ from stiction_experiments.paper.plan import (
     Training,
     own_robot,
 )
-from stiction_experiments.paper.results import Learning
+from stiction_experiments.paper.results import HALF, Learning
 from stiction_experiments.paper.rows import walk_row
 
 TRAINED = Path("results/following/policies")
@@ -72,12 +73,8 @@ EVERY = 10
 """Iterations over which a point of a learning curve is the mean."""
 
 
-Progress = Callable[[str, float], None]
-"""Called with what is in work and the share of it that is done."""
-
-
-def no_progress(name: str, share: float) -> None:
-    """Ignore progress."""
+TRAINING = 0.8e9
+"""Memory of a training of 512 robots, with the process that starts it [B]."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,8 @@ class LedgerRow:
     """One step that was done; a row of ledger.csv."""
 
     step: str
-    seconds: float
-    """Processor time [s]."""
+    seconds: float | None
+    """Processor time [s]; None of a step that was begun before and then interrupted."""
     revision: str
 
 
@@ -113,9 +110,10 @@ class Added:
     file: str
     rows: Sequence[Any]
     """Dataclasses of one kind."""
-    same: tuple[str, ...]
-    """Fields by whose values they replace rows of before."""
+    key: tuple[str, ...]
+    """Fields that identify a row: one of before with the same values is replaced."""
     form: str = ".4g"
+    """Format of its numbers."""
 
 
 @dataclass(frozen=True)
@@ -124,21 +122,38 @@ class Step:
 
     name: str
     """`train none-s10`, `walk physx none`."""
-    do: Callable[[], Added | None]
+    do: Callable[[Progress], Added]
     product: Path | None = None
     """File that it makes beside its rows, without which it is not done."""
-    alone: bool = True
-    """False of a training: others may run beside it."""
+    begun: Path | None = None
+    """File that is there from its begin on."""
+    batch: str = ""
+    """Name of the trainings that run beside each other; empty: nothing else runs meanwhile."""
 
     @property
     def made(self) -> bool:
         """True if what it makes is there."""
         return self.product is None or self.product.exists()
 
-    def timed(self) -> tuple[Added | None, float]:
-        """Do it, and return what it adds, and its processor time [s]."""
-        before = _processor_seconds()
-        return self.do(), _processor_seconds() - before
+
+@dataclass(frozen=True)
+class Attempt:
+    """Outcome of a step that was tried."""
+
+    added: Added | None = None
+    seconds: float | None = None
+    """Processor time [s]; None where it had been begun before."""
+    failure: StictionError | None = None
+
+
+def attempt(step: Step, progress: Progress = lambda name, share: None) -> Attempt:
+    """Do a step; a failure is returned, so that those beside it are not lost."""
+    fresh, before = step.begun is None or not step.begun.exists(), _processor_seconds()
+    try:
+        added = step.do(progress)
+    except StictionError as failure:
+        return Attempt(failure=failure)
+    return Attempt(added, round(_processor_seconds() - before, 1) if fresh else None)
 
 
 def policy_of(training: Training, seed: int, out: Path) -> Path:
@@ -147,76 +162,100 @@ def policy_of(training: Training, seed: int, out: Path) -> Path:
     return trained if training in COHORT and trained.is_dir() else out / "policies" / f"{training.name}-s{seed}"
 
 
-def steps(out: Path, done: Collection[str] = (), jobs: int = 1, progress: Progress = no_progress) -> Iterator[Step]:
+def steps(out: Path, done: Collection[str] = (), jobs: int = 1) -> Iterator[Step]:
     """Yield every step whose result may be needed, in the order of the trainings' worth.
 
-    Policies of a group walk together, place by place: a place tells something once all have walked there.
+    Policies of a group walk together, place by place: a place tells something once all have walked there. A net is of
+    walks of `none`, whose policies are made before.
 
-    done: names of steps in the ledger; jobs: walks at once; progress: of the walks.
+    done: names of steps in the ledger; jobs: walks at once.
     """
     yield Step("estimate", partial(_estimate, out), out / "estimator.csv")
     rank = {place.name: number for number, place in enumerate(PLACES)}
-    for group in GROUPS:
-        walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs, progress)]
+    for number, group in enumerate(GROUPS):
+        walks = [(name, training, walk) for training in group for name, walk in _walks(training, out, jobs)]
         missing = [each for each in walks if f"walk {each[0]} {each[1].name}" not in done]
-        for training in dict.fromkeys(training for _, training, _ in missing):
-            for seed in training.seeds:
-                policy = policy_of(training, seed, out)
-                if policy.parent != TRAINED:
-                    train = partial(_train, training, seed, out)
-                    yield Step(f"train {policy.name}", train, policy / "contract.json", alone=False)
+        needed = dict.fromkeys(training for _, training, _ in missing)
+        if number and any(training.net for training in needed):
+            yield from _policies(COHORT[0], f"walkers of {number}", out)
+        for training in needed:
+            yield from _policies(training, f"group {number}", out)
         for name, training, walk in sorted(missing, key=lambda each: rank.get(each[0], len(rank))):
             folder = out / "walks" / name / training.name
             yield Step(f"walk {name} {training.name}", partial(_in_folder, folder, walk))
 
 
-def _walks(
-    training: Training, out: Path, jobs: int, progress: Progress
-) -> Iterator[tuple[str, Callable[[Path], Added]]]:
-    """Yield each place in which a training walks, with the function that walks there and returns its rows."""
+def _policies(training: Training, batch: str, out: Path) -> Iterator[Step]:
+    """Yield the steps that make a training's policies, but for those that were trained before."""
+    for seed in training.seeds:
+        policy = policy_of(training, seed, out)
+        if policy.parent != TRAINED:
+            begun = out / "runs" / policy.name / "config.json"
+            train = partial(_train, training, seed, out)
+            yield Step(f"train {policy.name}", train, policy / "contract.json", begun, batch)
+
+
+Walk = Callable[[Path, Progress], Added]
+"""Walks in a folder, and returns the rows."""
+
+
+def _walks(training: Training, out: Path, jobs: int) -> Iterator[tuple[str, Walk]]:
+    """Yield each place in which a training walks, with the function that walks there."""
     for place in PLACES:
         if place.takes(training):
-            yield place.name, partial(_walk, place, training, out, jobs, progress)
+            yield place.name, partial(_walk, place, training, out, jobs)
     for stairs in STAIRS:
         if training.name in stairs.trainings:
-            yield f"stairs-{stairs.name}", partial(_climb, stairs, training, out, jobs, progress)
+            yield f"stairs-{stairs.name}", partial(_climb, stairs, training, out, jobs)
     if training.name in GAITS:
         yield "gait", partial(_measure_gait, training, out)
     if training.name in WORN:
-        yield "lives", partial(_wear, training, out, jobs, progress)
+        yield "lives", partial(_wear, training, out, jobs)
 
 
-def _in_folder(folder: Path, walk: Callable[[Path], Added]) -> Added:
+def _in_folder(folder: Path, walk: Walk, progress: Progress) -> Added:
     """Walk in a folder, which is made."""
     make_folder(folder)
-    return walk(folder)
+    return walk(folder, progress)
 
 
-def missing_steps(out: Path, jobs: int = 1, progress: Progress = no_progress) -> Iterator[Step]:
-    """Yield the steps that are not done, in the order of their worth; arguments as of `steps`."""
+def missing_steps(out: Path, jobs: int = 1) -> Iterator[Step]:
+    """Yield the steps that are not done, in the order of their worth; jobs: walks at once."""
     known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
-    yield from (step for step in steps(out, known, jobs, progress) if step.name not in known or not step.made)
+    yield from (step for step in steps(out, known, jobs) if step.name not in known or not step.made)
 
 
-def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None], progress: Progress = no_progress) -> None:
+def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None], progress: Progress) -> None:
     """Do at most so many steps that are missing; jobs: walks, or trainings, at once.
 
-    Raises `StictionError` at the first that fails; what was done before stays.
+    Raises the first `StictionError` of a batch when all of it has ended; what was done stays.
     """
     revision = str(Origin.now(PACKAGE).provenance["revision"])
-    for name, group in groupby(
-        islice(missing_steps(out, jobs, progress), most), lambda step: step.name if step.alone else ""
-    ):
-        together = [*group]
-        say(name or ", ".join(step.name for step in together))
-        ended = spread(Step.timed, [(step,) for step in together], jobs)
-        for count, (number, (added, seconds)) in enumerate(ended, 1):
-            if added is not None:
-                _add(out, added)
-            row = LedgerRow(together[number].name, round(seconds, 1), revision)
-            _add(out, Added("ledger.csv", [row], ("step",), ".9g"))
-            if not name:
-                progress("trainings", count / len(together))
+    todo = islice(missing_steps(out, jobs), most)
+    for _, batch in groupby(todo, lambda step: step.batch or step.name):
+        together = [*batch]
+        say(", ".join(step.name for step in together))
+        failures = []
+        for number, came in _attempts(together, jobs, progress):
+            if came.failure is not None or came.added is None:
+                failures.append(came.failure)
+                continue
+            _add(out, came.added)
+            _add(out, Added("ledger.csv", [LedgerRow(together[number].name, came.seconds, revision)], ("step",), ".9g"))
+        if failures and failures[0] is not None:
+            raise failures[0]
+
+
+def _attempts(together: Sequence[Step], jobs: int, progress: Progress) -> Iterator[tuple[int, Attempt]]:
+    """Yield the number of each step and what came of it, as it ends: of trainings beside each other."""
+    if not together[0].batch:
+        # In this process, which spreads the walks of a step.
+        yield 0, attempt(together[0], lambda what, share: progress(f"{together[0].name}: {what}", share))
+        return
+    check_memory(min(jobs, len(together)) * TRAINING, f"{jobs} trainings at once", "ask for fewer --jobs")
+    for count, came in enumerate(spread(attempt, [(step,) for step in together], jobs), 1):
+        progress("trainings", count / len(together))
+        yield came
 
 
 def _processor_seconds() -> float:
@@ -226,7 +265,10 @@ def _processor_seconds() -> float:
 
 
 def _program(words: Sequence[object], log: Path) -> None:
-    """Run `stiction` on one thread; what it prints goes to a file. Raises `TrainingError` where it fails."""
+    """Run `stiction` on one thread; what it prints goes to a file. Raises `TrainingError` where it fails.
+
+    A training whose parent ends goes on to the end of its iteration, and can be resumed.
+    """
     environment = isolated_environment(**{THREADS_VARIABLE: "1"})
     with log.open("a") as file:
         command = python_module("stiction", words)
@@ -236,11 +278,11 @@ def _program(words: Sequence[object], log: Path) -> None:
         raise TrainingError(f"stiction {words[0]} ended with status {status}: {lines[-1]} (see {log})")
 
 
-def _train(training: Training, seed: int, out: Path) -> Added:
+def _train(training: Training, seed: int, out: Path, _: Progress) -> Added:
     """Make the policy of one seed, or go on with it, and return its learning curve; the net comes first."""
-    name = f"{training.name}-s{seed}"
-    run, net = out / "runs" / name, out / "nets" / name
-    if training.net and not (net / "actuator.npz").exists():
+    policy = policy_of(training, seed, out)
+    run, net = out / "runs" / policy.name, out / "nets" / policy.name
+    if training.net:
         _make_net(training, seed, net, out)
     run.mkdir(parents=True, exist_ok=True)
     words = [str(net) if word == "{net}" else word for word in training.words]
@@ -249,7 +291,8 @@ def _train(training: Training, seed: int, out: Path) -> Added:
     resume: list[object] = ["train", "--resume", run, *reward_words(words)]
     if not (run / "summary.json").exists():
         _program(resume if (run / "config.json").exists() else begin, run / "train.log")
-    _program(["export", run, "--out", policy_of(training, seed, out)], run / "train.log")
+    if not (policy / "contract.json").exists():
+        _program(["export", run, "--out", policy], run / "train.log")
     metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
     return Added("curves.csv", curve_points(training.name, seed, metrics), ("training", "seed"), ".9g")
 
@@ -274,12 +317,19 @@ def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]
 
 
 def learnings(curves: Sequence[CurvePoint], ledger: Sequence[LedgerRow]) -> list[Learning]:
-    """Return area and processor time of each training; its logs and net belong to it."""
+    """Return area, first steps and processor time of each training; its logs and net belong to it."""
     seconds = {row.step: row.seconds for row in ledger}
-    areas: dict[tuple[str, int], list[float]] = {}
+    each: dict[tuple[str, int], list[CurvePoint]] = {}
     for point in curves:
-        areas.setdefault((point.training, point.seed), []).append(point.tracking_error)
-    return [Learning(*key, fmean(own), seconds.get(f"train {key[0]}-s{key[1]}")) for key, own in areas.items()]
+        each.setdefault((point.training, point.seed), []).append(point)
+    return [
+        Learning(
+            *(name, seed, fmean(point.tracking_error for point in own)),
+            next((p.iteration for p in own if p.forward_ratio >= HALF), own[-1].iteration + EVERY),
+            seconds.get(f"train {name}-s{seed}"),
+        )
+        for (name, seed), own in each.items()
+    ]
 
 
 def _make_net(training: Training, seed: int, net: Path, out: Path) -> None:
@@ -299,52 +349,48 @@ def _bundles(training: Training, out: Path) -> list[Bundle]:
 
 def _add(out: Path, added: Added) -> None:
     """Add rows to a file of the folder, in place of those of before with the same values of some fields."""
-    path, key = out / added.file, attrgetter(*added.same)
+    path, key = out / added.file, attrgetter(*added.key)
     replaced = {key(row) for row in added.rows}
     before = [row for row in read_rows(path, type(added.rows[0]), optional=True) if key(row) not in replaced]
     write_rows(path, [*before, *added.rows], form=added.form)
 
 
-def _walk(place: Place, training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
+def _walk(place: Place, training: Training, out: Path, jobs: int, folder: Path, progress: Progress) -> Added:
     """Walk all seeds of a training in one place, and return their rows."""
     bundles, rows = _bundles(training, out), []
     forward = place.forward and training.name == "none"
-    for level in place.levels:
+    for level in place.levels_of(training):
         cfg = _grid(place, level, bundles, forward)
-        walks = walk_grid(bundles, cfg, folder / level, jobs, progress=partial(_of_level, progress, level))
+        walks = walk_grid(bundles, cfg, folder / level, jobs, progress=partial(of_level, progress, level))
         for row in rows_of(walks, bundles)[0]:
             fed = "+measured" if "+measured" in row.policy else ""
             rows.append(walk_row(training.name + fed, place.name, level, row))
     return Added("walks.csv", rows, ("training", "place"))
 
 
-def _of_level(progress: Progress, level: str, engine: str, share: float) -> None:
-    """Say how far the walks under one friction are."""
-    progress(f"{engine}, friction {level}", share)
-
-
-def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
+def _climb(stairs: Stairs, training: Training, out: Path, jobs: int, folder: Path, progress: Progress) -> Added:
     """Let all seeds of a training cross stairs in one place, and return their rows."""
     rows = climb(training.name, _bundles(training, out), stairs, folder, jobs, progress)
     return Added("stairs.csv", rows, ("training", "place"))
 
 
-def _measure_gait(training: Training, out: Path, _: Path) -> Added:
+def _measure_gait(training: Training, out: Path, _: Path, __: Progress) -> Added:
     """Measure the gait of all seeds of a training, and return their rows; nothing is kept in the folder."""
     return Added("gait.csv", walk_gaits(training.name, _bundles(training, out), SECONDS, GAIT_WALKS), ("training",))
 
 
-def _wear(training: Training, out: Path, jobs: int, progress: Progress, folder: Path) -> Added:
+def _wear(training: Training, out: Path, jobs: int, folder: Path, progress: Progress) -> Added:
     """Let robots wear under all seeds of a training, and return their lives."""
     policies = [policy_of(training, seed, out) for seed in training.seeds]
     return Added("lives.csv", live(training.name, policies, life_cfg(VIRTUAL), folder, jobs, progress), ("training",))
 
 
-def _estimate(out: Path) -> None:
-    """Ask every estimator about every motor, and write the rows; the profile first, for the other file is the mark."""
+def _estimate(out: Path, _: Progress) -> Added:
+    """Ask every estimator about every motor; the profile is a file of its own."""
     motors = [draw_motor(number) for number in range(len(TABLE) * DRAWS)]
     write_rows(out / "profile.csv", profile_rows(motors[0]), form=".4g")
-    write_rows(out / "estimator.csv", [row for motor in motors for row in estimate_rows(motor)], form=".6g")
+    rows = [row for motor in motors for row in estimate_rows(motor)]
+    return Added("estimator.csv", rows, ("draw", "estimator", "parameter"), ".6g")
 
 
 def _grid(place: Place, level: str, bundles: list[Bundle], forward: bool) -> GridCfg:

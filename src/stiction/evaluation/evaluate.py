@@ -6,7 +6,6 @@ Episode e has the same initial state and sensor noise at every level and command
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING
@@ -197,8 +196,10 @@ def evaluate_bundle(
     threads: int = 1,
     compensation: FrictionController | None = None,
 ) -> Evaluation:
-    """Evaluate one bundle; arguments and errors as of `drive_bundle`."""
-    driven = drive_bundle(bundle, cfg, robot, threads, compensation=compensation)
+    """Evaluate one checked bundle; arguments and errors as of `drive`."""
+    spec = robot_of(bundle.contract, robot)
+    policy = batch_policy(bundle, spec, cfg, cfg.friction(bundle.contract))
+    driven = drive(policy, bundle.contract, spec, cfg, threads, compensation)
     return judge(driven, bundle.contract, bundle.name, cfg)
 
 
@@ -236,20 +237,6 @@ def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> 
         measured.append(metrics)
         each.append(tuple(episodes))
     return Evaluation(tuple(rows), tuple(measured), tuple(each))
-
-
-def drive_bundle(
-    bundle: Bundle,
-    cfg: EvaluationCfg,
-    robot: str | None = None,
-    threads: int = 1,
-    progress: Callable[[float], None] = lambda share: None,
-    compensation: FrictionController | None = None,
-) -> Driven:
-    """Drive a checked bundle and return the motion of its robots; arguments and errors as of `drive`."""
-    spec = robot_of(bundle.contract, robot)
-    policy = batch_policy(bundle, spec, cfg, cfg.friction(bundle.contract))
-    return drive(policy, bundle.contract, spec, cfg, threads, progress, compensation)
 
 
 def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Driver:
@@ -293,7 +280,6 @@ def drive(
     spec: Robot,
     cfg: EvaluationCfg,
     threads: int = 1,
-    progress: Callable[[float], None] = lambda share: None,
     compensation: FrictionController | None = None,
 ) -> Driven:
     """Drive robots over levels and commands and return their motion.
@@ -312,7 +298,7 @@ def drive(
     if not cfg.course.is_flat:
         line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
         commands = course_commands(rollout.fleet, velocity[:, 0])
-    recording = record(rollout, commands, period, round(cfg.duration / contract.control_period), progress)
+    recording = record(rollout, commands, period, round(cfg.duration / contract.control_period))
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
     parts = tuple(

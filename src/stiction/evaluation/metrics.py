@@ -53,7 +53,7 @@ class Metrics:
     crossed: float | None = None
     """Share of episodes in which the robot crossed its course; None on flat ground."""
     joint_chatter: float | None = None
-    """As `joint_jitter`, by physics step [rad/s²]; None where not recorded."""
+    """Root mean square of joint acceleration, by physics step [rad/s²]; None where not recorded."""
 
     @property
     def mean_velocity(self) -> tuple[float, float, float]:

@@ -86,8 +86,8 @@ class ResultRow:
     mean_wz: float | None = field(default=None, metadata=LATER)
     """Mean yaw rate [rad/s]."""
     joint_chatter: float | None = field(default=None, metadata=LATER)
-    """As `joint_jitter`, by physics step, so that what swings faster is in it [rad/s²]; contacts are too. None in
-    MuJoCo, where many robots walk at once, and in older files."""
+    """Root mean square, over joints and physics steps, of joint acceleration [rad/s²]: `joint_jitter` with what swings
+    faster than the control, and with contacts. None where many robots walk at once in MuJoCo, and in older files."""
 
     @property
     def mean_velocity(self) -> tuple[float, float, float] | None:
@@ -108,9 +108,6 @@ class ResultRow:
 
 COLUMNS = tuple(item.name for item in fields(ResultRow))
 """Header of results.csv."""
-
-LATER_COLUMNS = tuple(item.name for item in fields(ResultRow) if item.metadata.get("later"))
-"""Columns that older files lack."""
 
 
 def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:

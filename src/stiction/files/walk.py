@@ -45,7 +45,7 @@ class Recording:
     friction: np.ndarray | None = None
     """Dry friction available at the joints, mean over joints [N m], shape (T, N); None if not recorded."""
     square_chatter: np.ndarray | None = None
-    """As `square_acceleration`, by physics step in place of control step [rad²/s⁴], shape (T, N); None if not
+    """Mean over joints and physics steps of the squared joint acceleration [rad²/s⁴], shape (T, N); None if not
     recorded."""
 
     @property

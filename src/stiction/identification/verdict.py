@@ -359,8 +359,8 @@ def _to_do(
         if not advice.fails:
             return advice.command, run
         step = f"repair the joint, or feed its friction forward: no training that walked covers {_share(advice.asked)}"
-        nearest = f"the nearest is {advice.command}"
-        return f"{step}; {nearest}", f"{step[0].upper()}{step[1:]}. T{nearest[1:]}, which {proposal}"
+        told = f"{step[0].upper()}{step[1:]}. The nearest is {advice.command}, which {proposal}"
+        return f"{step}; the nearest is {advice.command}", told
     if legs:
         step = f"{AGAIN} --torque-limit LIMIT"
         return step, "Run: this again with --torque-limit; a training takes friction as a share of it."

@@ -44,8 +44,9 @@ class Truth:
     """Bounds of the joints' dry friction [N m], shape (N, J)."""
     fallen: np.ndarray
     """True for robots that have fallen, or blew up in this period, bool, shape (N,)."""
-    shaking: np.ndarray | None = None
-    """As of `virtual.robot.GroundTruth`, shape (N,); None of a batch, which takes its physics steps unseen."""
+    chatter: np.ndarray | None = None
+    """Integral since the start of the joints' squared acceleration, by physics step, mean over joints [rad²/s³], shape
+    (N,); None of a batch, which takes its physics steps unseen."""
 
 
 class Walker(Protocol[Step]):
@@ -100,10 +101,10 @@ class Recorder:
             square_acceleration=zeros(),
             upright=zeros(dtype=bool),
             friction=self._friction,
-            square_chatter=None if truth.shaking is None else zeros(),
+            square_chatter=None if truth.chatter is None else zeros(),
         )
         self._last_velocity = truth.joint_velocity.copy()
-        self._shaking = 0.0 if truth.shaking is None else truth.shaking
+        self._chatter = 0.0 if truth.chatter is None else truth.chatter
         self.upright = np.ones(num, dtype=bool)
         """True for robots that have not fallen yet, bool, shape (N,)."""
 
@@ -120,9 +121,9 @@ class Recorder:
         recording.square_acceleration[t] = np.square(change).mean(axis=1)
         recording.upright[t] = self.upright
         self._friction[t] = truth.friction.mean(axis=1)
-        if recording.square_chatter is not None and truth.shaking is not None:
-            recording.square_chatter[t] = (truth.shaking - self._shaking) / recording.period
-            self._shaking = truth.shaking
+        if recording.square_chatter is not None and truth.chatter is not None:
+            recording.square_chatter[t] = (truth.chatter - self._chatter) / recording.period
+            self._chatter = truth.chatter
         self._last_velocity = truth.joint_velocity.copy()
         self._count += 1
 
@@ -141,16 +142,10 @@ class Recorder:
         return self._recording.of(slice(None), 0, self._count)
 
 
-def record(
-    walker: Observed[object],
-    commands: Commands,
-    period: float,
-    steps: int,
-    progress: Callable[[float], None] = ignore_progress,
-) -> Recording:
+def record(walker: Observed[object], commands: Commands, period: float, steps: int) -> Recording:
     """Drive a batch and record it, fallen robots included; arguments as of `drive` and `Recorder`."""
     recorder = Recorder(walker, period, steps)
-    for _ in drive(walker, commands, steps, progress):
+    for _ in drive(walker, commands, steps):
         recorder.record()
     return recorder.recording()
 

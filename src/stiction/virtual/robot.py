@@ -117,8 +117,9 @@ class GroundTruth:
     """Torque of the motors [N m], shape (J,)."""
     friction: np.ndarray
     """Bounds of dry friction [N m], shape (J,)."""
-    shaking: float
-    """Integral over that time of the joints' squared acceleration, by physics step, mean over joints [rad²/s³]."""
+    chatter: float
+    """Integral since the robot was placed of the joints' squared acceleration, by physics step, mean over joints
+    [rad²/s³]."""
 
 
 class RobotHandle:
@@ -205,7 +206,7 @@ class VirtualRobot:
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Place the robot, at rest and limp; see `Engine.reset`."""
         self._engine.reset(joint_position, position, quaternion)
-        self._motion, self._tick, self._shaking = self._engine.motion(self._loads), 0, 0.0
+        self._motion, self._tick, self._chatter = self._engine.motion(self._loads), 0, 0.0
         for part in (self._drive, self._friction, self._imu):
             part.reset()
         if self._compensation is not None:
@@ -221,7 +222,7 @@ class VirtualRobot:
 
     def ground_truth(self) -> GroundTruth:
         """Return the ground truth of the last physics step."""
-        return GroundTruth(self._time, self._motion, self._given, self._bound, self._shaking)
+        return GroundTruth(self._time, self._motion, self._given, self._bound, self._chatter)
 
     @property
     def _time(self) -> float:
@@ -256,7 +257,7 @@ class VirtualRobot:
         before = self._motion.joint_velocity
         self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
         change = self._motion.joint_velocity - before
-        self._shaking += float(change @ change) / (len(change) * self._engine.timestep)
+        self._chatter += float(change @ change) / (len(change) * self._engine.timestep)
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
         self._encoders.follow(self._gears.angle, self._gears.velocity)
         if self._output_sensing is not None:

@@ -123,7 +123,7 @@ class VirtualWalk:
             joint_velocity=motion.joint_velocity[None],
             friction=seen.friction[None],
             fallen=np.array([self.fallen]),
-            shaking=np.array([seen.shaking]),
+            chatter=np.array([seen.chatter]),
         )
 
 

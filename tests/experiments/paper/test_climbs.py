@@ -27,6 +27,6 @@ def test_rows_of_walks_become_rows_of_stairs(tmp_path: Path, monkeypatch):
     details = [{"policy": "p", "terrain": "stairs=0.08", "crossed": 0.9}]
     monkeypatch.setattr(climbs, "rows_of", lambda done, bundles: ([], details))
     bundle = SimpleNamespace(name="p", contract=SimpleNamespace(seed=11))
-    rows = climb("stairs-net", [bundle], STAIRS[1], tmp_path)
+    rows = climb("stairs-net", [bundle], STAIRS[1], tmp_path, 1, lambda name, share: None)
     assert rows == [Climbed("stairs-net", 11, "robots", level, 0.08, 0.9) for level in ("bench", "0.2")]
     assert walked == [tmp_path / "bench", tmp_path / "0.2"]

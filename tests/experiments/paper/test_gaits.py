@@ -74,7 +74,7 @@ def test_together_means_all_feet_within_the_window() -> None:
     moving = np.ones((12, 1), bool)
     assert together_share(touches, moving, 2) == 1.0
     assert together_share(touches, moving, 1) == pytest.approx(1 / 3)
-    assert together_share(touches, ~moving, 2) is None
+    assert together_share(touches, ~moving, 2) == 0.0
 
 
 def test_imbalance_by_hand() -> None:

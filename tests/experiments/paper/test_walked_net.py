@@ -48,7 +48,7 @@ def test_the_net_is_fitted_to_walks_backward(
     net = read_actuator(tmp_path / "net")
     assert net.torque_source == side
     TaskCfg(friction=FrictionCfg(method="none")).check_net(net, SPEC)
-    monkeypatch.setattr(module, "spread", lambda *rest: pytest.fail("walked again"))
+    monkeypatch.setattr(module, "log_walk", lambda *rest: pytest.fail("walked again"))
     make_net(walked, tmp_path / "net", "test")
     with pytest.raises(pytest.fail.Exception):
         make_net(replace(walked, seconds=1.1), tmp_path / "net", "test")
