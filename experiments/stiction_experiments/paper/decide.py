@@ -29,6 +29,9 @@ SIGNIFICANT = 0.05
 MARGIN = 0.05
 """Largest difference that is none: the absolute tolerance of following [1]."""
 
+ONE = ("above", "below", "share")
+"""Kinds of a test of one training."""
+
 FEWEST = 3
 """Seeds without which nothing is decided."""
 
@@ -59,11 +62,11 @@ class Test:
         """True if there are values enough."""
         if self.like is not None and len(self.like) < FEWEST:
             return False
-        return len(self.first) >= FEWEST and (self.kind in ("above", "below", "share") or len(self.second) >= FEWEST)
+        return len(self.first) >= FEWEST and (self.kind in ONE or len(self.second) >= FEWEST)
 
     @property
     def on_its_side(self) -> list[bool]:
-        """Whether each seed of the first lies on the side of the bound that is asked for."""
+        """True for each seed of the first that lies on the side of the bound that is asked for."""
         return [(value >= self.bound) == (self.kind == "above") for value in self.first.values()]
 
     @property
@@ -118,7 +121,8 @@ class Decision:
         """Numbers behind it: `0.93 and 0.71, difference 0.22 [0.15, 0.29], p 0.002`."""
         test = self.test
         if not test.walked:
-            return f"{test.label}: {len(test.first)} {'votes' if test.kind == 'share' else 'seeds'}"
+            seeds = f"{len(test.first)}{'' if test.kind in ONE else f' and {len(test.second)}'} seeds"
+            return f"{test.label}: {f'{len(test.first)} votes' if test.kind == 'share' else seeds}"
         if test.kind == "share":
             low, high = test.interval(0.95)
             yes, votes = sum(test.first.values()), len(test.first)

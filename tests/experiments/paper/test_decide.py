@@ -64,5 +64,5 @@ def test_two_seeds_decide_nothing():
     """A sentence whose walks are missing says so."""
     few = Test("1 %", {10: 1.0, 11: 1.0}, FIVE)
     decisions = decide([few, Test("20 %", FIVE, kind="above")])
-    assert decisions[0].outcome == "not walked" and decisions[0].evidence == "1 %: 2 seeds"
+    assert decisions[0].outcome == "not walked" and decisions[0].evidence == "1 %: 2 and 5 seeds"
     assert joined(decisions) == "holds: 20 %; not walked: 1 %"

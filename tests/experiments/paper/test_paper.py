@@ -30,9 +30,10 @@ from stiction_experiments.paper.plan import (
     WORN,
     own_robot,
 )
+from stiction_experiments.paper.questions import overall
 from stiction_experiments.paper.results import Learning, Results
 from stiction_experiments.paper.rows import Walks, walk_row
-from stiction_experiments.paper.sentences import SENTENCES, _overall
+from stiction_experiments.paper.sentences import SENTENCES
 from stiction_experiments.paper.study import STUDY
 from stiction_experiments.paper.work import (
     Added,
@@ -201,7 +202,7 @@ def test_places_of_better_overall_count_alike():
             *(("robot-3001", "bench", 1), ("robot-3002", "bench", 1), ("robot-3003", "bench", 0)),
         )
     ]
-    assert _overall(Results(Walks(rows)), "none", "bench") == {10: pytest.approx(5 / 6)}
+    assert overall(Results(Walks(rows)), "none", "bench") == {10: pytest.approx(5 / 6)}
 
 
 def test_curves_are_means_over_ten_iterations():
