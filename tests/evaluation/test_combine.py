@@ -1,6 +1,6 @@
 """A row made of its episodes is the row measured at once."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -37,6 +37,14 @@ def test_episodes_combine_to_what_all_of_them_measure() -> None:
     for name, value in asdict(combine(episodes)).items():
         assert (value is None) == (whole[name] is None), name
         assert value is None or value == pytest.approx(whole[name], rel=1e-6), name
+
+
+def test_chatter_that_one_walk_lacks_is_not_known_of_the_row() -> None:
+    """A mean over the walks that have it would be of other walks than the rest of the row."""
+    seen = measure(walks(), COMMAND, GROUPS, WEIGHT)
+    unseen = measure(replace(walks(), square_chatter=None), COMMAND, GROUPS, WEIGHT)
+    assert unseen.joint_chatter is None and combine([seen, unseen]).joint_chatter is None
+    assert combine([seen, seen]).joint_chatter == pytest.approx(seen.joint_chatter)
 
 
 def test_a_fall_counts_as_in_a_batch() -> None:

@@ -69,7 +69,7 @@ def counts(rows: Sequence[SentenceRow]) -> str:
         elif "holds" in row.outcome or "does not hold" in row.outcome:
             kinds["decided in part" if "undecided" in row.outcome or "not walked" in row.outcome else "decided"] += 1
         else:
-            kinds["undecided" if row.outcome.startswith("undecided") else "not walked yet"] += 1
+            kinds["not walked yet" if "not walked" in row.outcome else "undecided"] += 1
     return f"Of {len(rows)} sentences " + ", ".join(f"{count} {name}" for name, count in kinds.items() if count) + "."
 
 

@@ -18,10 +18,11 @@ from stiction_experiments.paper.climbs import STAIRS
 from stiction_experiments.paper.estimator import PARAMETERS, SAMPLED, EstimateRow
 from stiction_experiments.paper.gaits import Gait
 from stiction_experiments.paper.lives import Life
-from stiction_experiments.paper.page import counts, judge
+from stiction_experiments.paper.page import counts, judge, shares_by_training
 from stiction_experiments.paper.plan import (
     FIVE,
     GAITS,
+    LEVELS,
     ON_ROBOTS,
     PLACES,
     THREE,
@@ -203,6 +204,19 @@ def test_places_of_better_overall_count_alike():
         )
     ]
     assert overall(Results(Walks(rows)), "none", "bench") == {10: pytest.approx(5 / 6)}
+
+
+def test_the_way_from_the_papers_training_to_ours_has_what_walked_everywhere() -> None:
+    """Half of the commands under every friction is 50 %; `literal`, which lacks one, has no row."""
+    walks = [
+        walk_row(name, "mujoco", level, row(command, speed, 0, 0, seed=seed))
+        for name, levels in (("none", LEVELS), ("literal", LEVELS[1:]))
+        for level in levels
+        for command, speed in (("vx=0.5", 0.5), ("vx=0.8", 0.0))
+        for seed in THREE
+    ]
+    rows = shares_by_training(Results(Walks(walks)))
+    assert rows == [{"training": "none", "seeds": "3", **dict.fromkeys(LEVELS, "50 %")}]
 
 
 def test_curves_are_means_over_ten_iterations():
