@@ -107,7 +107,7 @@ WRONG = (
         "robot check log.csv",
         "robot",
         "study",
-        "study gate",
+        "study dampin",
     ),
     *("train --method magic", "train --robot go3", "train --friction-level 3", "train --teacher.iteratoins 3"),
     *("train --resume folder", "export folder", "export no-run", "import log.csv --robot go2", "sign folder"),

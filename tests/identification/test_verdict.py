@@ -186,7 +186,7 @@ def test_where_no_training_covers_it_the_next_step_is_no_training(onsets: None) 
         coulomb_friction=FRICTION, friction_ratio=Estimate(0.29, 0.001, (0.285, 0.295)), test_condition="loaded"
     )
     told = judge(record, lost)
-    assert told.step.startswith(
+    assert told.step == (
         "repair the joint, or feed its friction forward: no training that walked covers 30 % of the torque limit; "
         "the nearest is stiction train --friction-from training.json"
     )
