@@ -40,7 +40,7 @@ class SentenceRow:
     outcome: str
     """Outcome over its conditions: `holds: 10 %, 20 %; undecided: 5 %`."""
     evidence: str
-    """Numbers of each condition; the reason where it was not asked here."""
+    """Numbers of each condition that has walked; the reason where it was not asked here."""
 
 
 def judge(results: Results) -> list[SentenceRow]:
@@ -56,7 +56,8 @@ def judge(results: Results) -> list[SentenceRow]:
 
 def _row(family: str, sentence: Sentence, decisions: Sequence[Decision]) -> SentenceRow:
     outcome = joined(decisions) if decisions else sentence.fixed
-    evidence = "; ".join(decision.evidence for decision in decisions) or sentence.why
+    walked = [decision for decision in decisions if decision.test.walked] or decisions
+    evidence = "; ".join(decision.evidence for decision in walked) or sentence.why
     return SentenceRow(sentence.number, sentence.text, family, sentence.asked, outcome, evidence)
 
 
