@@ -77,9 +77,9 @@ def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monk
 
 @pytest.mark.parametrize("words", PROGRAMS, ids=[" ".join(words) for words in PROGRAMS])
 def test_flags_are_few(capsys: pytest.CaptureFixture, words: list[str]) -> None:
-    """At most 60 of a training, whose options one study has among its own, and 40 of others; the rest are settings."""
+    """At most 60 of a training, and 40 of others; the rest are settings."""
     flags = set(re.findall(r"^  (--[\w.-]+)", help_of(capsys, *words, "--help-all"), re.MULTILINE))
-    assert len(flags) <= (60 if words in (["train"], ["study", "actuator"]) else 40), sorted(flags)
+    assert len(flags) <= (60 if words == ["train"] else 40), sorted(flags)
 
 
 def places(options: Any, place: str = "") -> Iterator[str]:

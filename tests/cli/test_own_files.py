@@ -20,9 +20,9 @@ CASES = {
     "actuator.npz": ("train-actuator", "pyproject.toml"),
     "evaluation/results.csv": ("demo",),
     "loop.json": ("demo", "--loop"),
-    "gaits.csv": ("study", "gait", POLICY),
-    "summary.json": ("study", "gait", POLICY),
-    "speed.png": ("study", "actuator"),
+    "walks.csv": ("study", "compensation", POLICY),
+    "summary.json": ("study", "compensation", POLICY),
+    "damping.png": ("study", "damping"),
     "bench.csv": ("study", "bench"),
     "sentences.csv": ("replicate",),
 }

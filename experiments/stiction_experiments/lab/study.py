@@ -26,7 +26,7 @@ from stiction.core.cache import key_of
 from stiction.core.errors import FileError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
-from stiction.core.options import Groups, read_options
+from stiction.core.options import read_options
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import check_folder, check_numbers, make_folder, write_rows
 from stiction.files.results import ResultRow, summary_text, write_results, write_summary
@@ -254,8 +254,6 @@ class Study(Generic[Chosen]):
     options: type[Chosen]
     run: Callable[[Chosen, Work], Report]
     """Does it."""
-    groups: Groups | None = None
-    """Options that `--help` shows, by default all of them: for a study with those of a training among its own."""
     results: Sequence[str] = ()
     """Files that it writes beside `WRITTEN`: somebody else's of these names is refused before the work begins."""
 
@@ -270,7 +268,7 @@ class Study(Generic[Chosen]):
         description = self.description.replace("{program}", program)
         if "\n  stiction " not in description:
             description += f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
-        options = read_options(self.options, arguments, program, description, groups=self.groups)
+        options = read_options(self.options, arguments, program, description)
         check_numbers(options)
         check_folder(options.folder)
         command = shlex.join([*program.split(), *arguments])
