@@ -220,9 +220,12 @@ def _in_folder(folder: Path, walk: Walk, progress: Progress) -> Added:
 
 
 def missing_steps(out: Path, jobs: int = 1) -> Iterator[Step]:
-    """Yield the steps that are not done, in the order of their worth; jobs: walks at once."""
+    """Yield the steps that are not done, each once, in the order of their worth; jobs: walks at once."""
     known = {row.step for row in read_rows(out / "ledger.csv", LedgerRow, optional=True)}
-    yield from (step for step in steps(out, known, jobs) if step.name not in known or not step.made)
+    every: dict[str, Step] = {}
+    for step in steps(out, known, jobs):
+        every.setdefault(step.name, step)
+    yield from (step for step in every.values() if step.name not in known or not step.made)
 
 
 def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None], progress: Progress) -> None:

@@ -44,6 +44,7 @@ from stiction_experiments.paper.work import (
     curve_points,
     do_missing,
     learnings,
+    missing_steps,
     steps,
 )
 
@@ -262,6 +263,8 @@ def test_what_the_ledger_has_is_not_done_again(tmp_path: Path, monkeypatch) -> N
     trained = {f"train {name}-s{seed}" for name in ("direct", "mean-kept") for seed in FIVE}
     assert {*every} - {*left} == walks | trained
     assert left.index("train none-s14") < left.index("train net-s10")
+    once = [step.name for step in missing_steps(tmp_path)]
+    assert len(once) == len({*once}) and once[1] == "train none-s10" and {*once} == {*every}
 
 
 def test_a_step_of_a_batch_can_be_sent_to_another_process(tmp_path: Path) -> None:
