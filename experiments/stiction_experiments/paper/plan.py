@@ -226,8 +226,14 @@ class Place:
 
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3")
+"""Friction of the robot of the data sheet, over the torque limit [1]."""
+
 ROBOT_LEVELS = ("bench", "0.05", "0.1", "0.2")
+"""Friction of virtual robots; `bench`: the paper's."""
+
 RANGE_ENDS = ("0", "0.24")
+"""Ends of the range of `deception`."""
+
 LOADS = ("bench+0.02", "bench+0.1")
 """The paper's friction, and some of the load."""
 

@@ -78,7 +78,10 @@ def test_names_of_trainings_and_sentences_are_unique():
             name = training.removesuffix("+measured")
             asked.add(name)
             for each in (place,) if isinstance(place, str) else place:
-                assert places[each].takes(trainings[name]) and friction in places[each].levels, (training, each)
+                assert places[each].takes(trainings[name]) and friction in places[each].levels_of(trainings[name]), (
+                    training,
+                    each,
+                )
                 assert name == training or places[each].forward
             return {}
 
