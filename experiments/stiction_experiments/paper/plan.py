@@ -87,10 +87,16 @@ SHARP = (
 NO_PRONK_TERMS = ("base_height", "vertical_velocity", "air_time")
 """Reward terms that forbid a pronk."""
 
-PLAIN = tuple(word for term in ("trot", "unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
+
+def _without(*terms: str) -> tuple[str, ...]:
+    """Return the words that take terms out of the reward."""
+    return tuple(word for term in terms for word in ("--set", f"task.rewards.{term}=0"))
+
+
+PLAIN = _without("trot", "unsync", *NO_PRONK_TERMS)
 """Rewards of a quadruped, and none that forbids a pronk."""
 
-PLAIN_TROT = tuple(word for term in ("unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
+PLAIN_TROT = _without("unsync", *NO_PRONK_TERMS)
 """The same, with r_trot."""
 
 STAGES = ("--set", "task.friction.begin=0.75", "--set", "task.friction.stages=5")
@@ -155,7 +161,7 @@ GROUPS: tuple[tuple[Training, ...], ...] = (
     (
         _coulomb("plain", "none", *PLAIN),
         _coulomb("plain-trot", "none", *PLAIN_TROT),
-        _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
+        _coulomb("no-unsync", "none", *_without("unsync")),
         _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
         _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
     ),
